@@ -1,0 +1,88 @@
+"""Running an estimator: fresh seeds, and outputs that are what an estimator must return."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from truemean.errors import InputError, NeedsScene, SubjectError, Unsupported
+
+__all__ = ["Seeds", "run"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Seeds:
+    """The seeds of one of ``streams`` disjoint streams: a permutation of 0..2^bits-1 that ``seed`` picks.
+
+    >>> first, second = (Seeds(seed=7, bits=53, stream=s, streams=2).take(0, 3) for s in (0, 1))
+    >>> len({*first.tolist(), *second.tolist()})
+    6
+    """
+
+    seed: int
+    bits: int
+    stream: int
+    streams: int
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.bits, int) and 1 <= self.bits <= 63):
+            raise InputError(f"seed_bits={self.bits!r} must be a whole number from 1 to 63")
+
+    @property
+    def capacity(self) -> int:
+        """How many seeds there are before one would have to be used twice."""
+        return ((1 << self.bits) - self.stream - 1) // self.streams + 1
+
+    def take(self, start: int, stop: int) -> NDArray[np.int64]:
+        """Seeds number ``start`` to ``stop - 1`` of this stream; InputError when there are not so many."""
+        if stop > self.capacity:
+            raise InputError(f"seed_bits={self.bits} gives {self.capacity} seeds a pixel, {stop} asked: lower budget=")
+        index = np.arange(start, stop, dtype=np.uint64) * np.uint64(self.streams) + np.uint64(self.stream)
+        mask, shift = np.uint64((1 << self.bits) - 1), np.uint64(max(1, self.bits // 2))
+        # Each step is a bijection of 0..2^bits-1: adding, multiplying by an odd number, folding the top down.
+        for key in np.random.SeedSequence(self.seed).generate_state(4, np.uint64):
+            index = ((index + key) * (key | np.uint64(1))) & mask
+            index ^= index >> shift
+        return index.astype(np.int64)
+
+
+def run(
+    subject: Any, pixels: Sequence[Any], channels: int | None, seeds: NDArray[np.int64]
+) -> tuple[FloatArray, list[float] | None]:
+    """Estimates ``[pixels, channels or 1, seeds]`` and, where the subject tells, the total cost per pixel.
+
+    Raises Unsupported where the subject declines, SubjectError where it crashes or returns no estimates.
+    """
+    together = len(pixels) > 1
+    try:
+        raw = subject.run_many(pixels, seeds) if together else subject.run(pixels[0], seeds)
+        costs = getattr(subject, "costs", None)
+        spent = costs and [float(np.sum(costs(pixel, seeds))) for pixel in pixels]
+    except (Unsupported, NeedsScene) as declined:
+        raise Unsupported(str(declined)) from declined
+    except (Exception, SystemExit) as crash:
+        raise SubjectError(f"crashed with {type(crash).__name__}: {crash}") from crash
+    shape = (seeds.size, *([len(pixels)] if together else []), *([channels] if channels else []))
+    outputs = _as_floats(raw)
+    if outputs.shape != shape:
+        raise SubjectError(
+            f"returned {type(raw).__name__} of shape {outputs.shape} for {seeds.size} seeds, expected {shape}"
+        )
+    return np.moveaxis(outputs.reshape(seeds.size, len(pixels), channels or 1), 0, -1), spent
+
+
+def _as_floats(raw: Any) -> FloatArray:
+    try:
+        array = np.asarray(raw)
+        floats: FloatArray | None = array.astype(float) if array.dtype.kind in "biufO" else None
+    except (TypeError, ValueError):
+        floats = None
+    if floats is None:
+        raise SubjectError(f"returned {repr(raw)[:80]} (type={type(raw).__name__}), not an array of real numbers")
+    return floats

@@ -1,0 +1,169 @@
+"""Putting a report together: its sections in order, and its three files."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import time
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from truemean.conformance.report import curves, images, plans, speed, verdicts
+from truemean.conformance.report.charts import save
+from truemean.conformance.report.document import Cell, Code, Document, Section, Table
+from truemean.conformance.report.provenance import commit, versions
+from truemean.conformance.verdict import Report
+from truemean.errors import UnknownName
+
+__all__ = ["build", "figure", "judged_html", "judged_markdown"]
+
+SCHEMA = "truemean-report/1"
+TOLERANCE = "1%"
+FIGURES: Mapping[str, Callable[..., Figure]] = MappingProxyType(
+    {
+        "3": curves.absolute,
+        "4": curves.percent,
+        "5": images.expected,
+        "speed-accuracy": speed.speed_accuracy,
+    }
+)
+CHAPTERS: tuple[tuple[str, Callable[[], Section], float], ...] = (
+    ("the paper’s Figs. 3 and 4", curves.section, 1),
+    ("images in the manner of Fig. 5", images.section, 1),
+    ("plans on the standard pixels", plans.section, 5),
+    ("speed against accuracy", speed.section, 3),
+)
+JUDGING = 8  # seconds for a subject, about; the chapters above have theirs beside them
+
+Progress = Callable[[str, float], None]
+
+
+def figure(name: str, out: Path, **options: Any) -> None:
+    """Draw one of the figures 3, 4, 5 and speed-accuracy into a file, of the kind that its suffix names.
+
+    ``options`` are ``most`` (the largest n) of 3, 4 and speed-accuracy, ``scene`` and ``n`` of 5.
+    UnknownName for any other figure or option, InputError for a file that can't be written.
+    """
+    if name not in FIGURES:
+        raise UnknownName("figure", name, FIGURES)
+    known = inspect.signature(FIGURES[name]).parameters
+    for option in options:
+        if option not in known:
+            raise UnknownName(f"option of figure {name}", option, known)
+    save(FIGURES[name](**options), Path(out))
+
+
+def build(
+    out: Path,
+    subjects: Mapping[str, Any],
+    *,
+    command: str,
+    seed: int,
+    skipped: Mapping[str, str],
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Write report.html, report.json and report.md into the directory ``out``; returns what report.json holds.
+
+    ``subjects`` are the estimators to judge by name, ``skipped`` what was not run, with the line that installs
+    it; ``command`` and ``seed`` are how to replay; ``progress(text, fraction)`` is called often.
+    """
+    start = time.monotonic()
+    tell = progress or (lambda text, fraction: None)
+    total = sum(seconds for _, _, seconds in CHAPTERS) + JUDGING * len(subjects)
+    # The chapters that need no runs.
+    done, sections = 0.0, []
+    for text, chapter, seconds in CHAPTERS:
+        tell(text, done / total)
+        sections.append(chapter())
+        done += seconds
+    # The verdicts come first on the page.
+    reports = verdicts.judge_all(subjects, TOLERANCE, seed, lambda text, n: tell(text, (done + JUDGING * n) / total))
+    sections.insert(0, verdicts.section(reports, TOLERANCE))
+    made = {"command": command, "seed": seed, "commit": commit(), "versions": _all_versions(reports)}
+    headline = verdicts.headline(reports, TOLERANCE)
+    sections.append(_replay(made, skipped))
+    tell("writing", done / total)
+    document = Document(
+        "truemean: the reference report",
+        headline,
+        tuple((name, str(report.verdict)) for name, report in reports.items()),
+        tuple(sections),
+        f"Made on {datetime.now(UTC):%Y-%m-%d} in {time.monotonic() - start:.0f} s.",
+    )
+    data = {
+        "schema": SCHEMA,
+        "headline": headline,
+        "tolerance": TOLERANCE,
+        "verdicts": {name: str(report.verdict) for name, report in reports.items()},
+        "skipped": dict(skipped),
+        **made,
+        "sections": {section.name: section.data for section in sections if section.data},
+    }
+    files = {
+        "report.html": document.html(),
+        "report.md": document.markdown(),
+        "report.json": json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False),
+    }
+    for name, content in files.items():
+        (Path(out) / name).write_text(content, encoding="utf-8")
+    tell("done", 1.0)
+    return data
+
+
+def judged_html(report: Report) -> str:
+    """One judgement as a page."""
+    return _judged(report).html()
+
+
+def judged_markdown(report: Report) -> str:
+    """One judgement as Markdown."""
+    return _judged(report).markdown()
+
+
+def _judged(report: Report) -> Document:
+    how = {"verdict": report.reason, "plan check": report.plan_check or "no plan is declared", "seed": report.seed}
+    settings = {**how, **{name: value for name, value in report.arguments.items() if value is not None}}
+    parts = verdicts.judged_parts(report.subject, report, "subject")
+    return Document(
+        f"truemean: {report.subject}",
+        verdicts.headline({report.subject: report}, str(report.arguments["tolerance"])),
+        ((report.subject, str(report.verdict)),),
+        (
+            Section("cases", "What the replicates show", tuple(parts)),
+            Section("how", "How it was judged", (*report.notes, _facts("settings", "Settings and seed.", settings))),
+            Section("versions", "Versions", (_facts("versions", "Versions.", report.versions),)),
+        ),
+        "Interrupted before every case was decided." if report.interrupted else "",
+    )
+
+
+def _replay(made: Mapping[str, Any], skipped: Mapping[str, str]) -> Section:
+    """What was not run, how to get the same report again, and what it was made with."""
+    rows = tuple((Cell(name), Cell(why)) for name, why in skipped.items())
+    left_out = Table("not-run", "What was not run, and what would make it run.", ("what", "why"), rows)
+    return Section(
+        "replay",
+        "What was not run, and how to run this again",
+        (
+            left_out if skipped else "Everything that this report knows how to run was run.",
+            "The same command with the same seed gives the same numbers; only times differ.",
+            Code(made["command"]),
+            _facts("made-with", "What this report was made with.", {"seed": made["seed"], "commit": made["commit"] or "not a checkout"} | made["versions"]),
+        ),
+    )
+
+
+def _facts(name: str, caption: str, facts: Mapping[str, Any]) -> Table:
+    return Table(name, caption, ("what", "value"), tuple((Cell(key), Cell(str(value))) for key, value in facts.items()))
+
+
+def _all_versions(reports: Mapping[str, Report]) -> dict[str, str]:
+    found = versions()
+    for report in reports.values():
+        found = dict(report.versions) | found
+    return found

@@ -1,0 +1,126 @@
+"""Drawing replicates: looks on a geometric schedule, and what decided pixels leave goes to the others."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from truemean.conformance.declared import derive_declared
+from truemean.conformance.replicates import Seeds, run
+from truemean.conformance.settings import Chosen, Settings
+from truemean.conformance.trial import Trial
+from truemean.errors import SubjectError, Unsupported
+
+__all__ = ["Stream", "looks", "open_streams"]
+
+FIRST_LOOK, LOOK_GROWTH = 16, 1.1
+SEED_BITS = 53
+
+
+@dataclass(slots=True)
+class Stream:
+    """Pixels that are rendered together, from the same seeds, with their trials by pixel and channel."""
+
+    chosen: Sequence[Chosen]
+    seeds: Seeds
+    trials: list[list[Trial]]
+    drawn: int = 0
+    skipped: str = ""
+
+    @property
+    def waiting(self) -> bool:
+        """Whether more replicates could still decide something."""
+        undecided = any(trial.verdict is None for trials in self.trials for trial in trials)
+        return undecided and not self.skipped and self.drawn < self.seeds.capacity
+
+    @property
+    def log_biased(self) -> float:
+        """The logarithm of the sum, over its cases, of the current evidence for a bias."""
+        return float(np.logaddexp.reduce([trial.log_biased for trials in self.trials for trial in trials]))
+
+    def advance(self, subject: Any, limit: int) -> int:
+        """One look: draw the next batch, up to ``limit`` replicates in all; how many were drawn."""
+        look = max(FIRST_LOOK, math.ceil(self.drawn * LOOK_GROWTH))
+        seeds = self.seeds.take(self.drawn, min(look, limit, self.seeds.capacity))
+        try:
+            given = [each.given for each in self.chosen]
+            estimates, costs = run(subject, given, self.chosen[0].pixel.channels, seeds)
+        except Unsupported as declined:
+            if not self.drawn:
+                self.skipped = str(declined) or "the estimator declines this pixel"
+                return 0
+            self._break_all(f"declined after {self.drawn} replicates: {declined}")
+        except SubjectError as broken:
+            self._break_all(str(broken))
+        else:
+            for place, columns in enumerate(estimates):
+                self._observe(place, columns, seeds, costs[place] if costs else None)
+        self.drawn += seeds.size
+        return seeds.size
+
+    def _observe(self, place: int, columns: Any, seeds: NDArray[np.int64], cost: float | None) -> None:
+        pairs = list(zip(self.trials[place], columns, strict=True))
+        faults = (trial.target.fault(column, seeds) for trial, column in pairs)
+        if fault := next(filter(None, faults), None):
+            self._break(place, fault)
+        else:
+            self.trials[place] = [t if t.verdict else t.observe(column, cost) for t, column in pairs]
+
+    def _break_all(self, reason: str) -> None:
+        for place in range(len(self.trials)):
+            self._break(place, reason)
+
+    def _break(self, place: int, reason: str) -> None:
+        self.trials[place] = [t if t.verdict else t.broken(reason) for t in self.trials[place]]
+
+
+def open_streams(subject: Any, chosen: Sequence[Chosen], settings: Settings) -> tuple[list[Stream], dict[str, str]]:
+    """Streams with every bet placed, and the pixels that the subject declines, with its reasons.
+
+    One stream a pixel, or, where the subject renders many at once, one for all of as many channels.
+    """
+    together = callable(getattr(subject, "run_many", None))
+    cases = sum(each.channels for each in chosen)
+    groups: dict[Any, list[tuple[Chosen, list[Trial]]]] = {}
+    skipped = {}
+    for each in chosen:
+        try:
+            trials = _open_trials(subject, each, settings, cases)
+        except Unsupported as declined:
+            skipped[each.name] = str(declined)
+        else:
+            groups.setdefault(each.pixel.channels if together else each.name, []).append((each, trials))
+    bits = getattr(subject, "seed_bits", None) or SEED_BITS
+    streams = []
+    for number, group in enumerate(groups.values()):
+        members, trials_of = zip(*group, strict=True)
+        streams.append(Stream(members, Seeds(settings.seed, bits, number, len(groups)), list(trials_of)))
+    return streams, skipped
+
+
+def _open_trials(subject: Any, chosen: Chosen, settings: Settings, cases: int) -> list[Trial]:
+    fault = ""
+    try:
+        targets = settings.targets(subject, chosen)
+    except SubjectError as broken:
+        targets, fault = settings.targets(None, chosen), str(broken)
+    plan = settings.declaration and derive_declared(settings.declaration, chosen.pixel)
+    levels = settings.levels(cases)
+    trials = [Trial.open(target, levels, plan[i] if plan else None) for i, target in enumerate(targets)]
+    return [trial.broken(fault) for trial in trials] if fault else trials
+
+
+def looks(subject: Any, streams: Sequence[Stream], budget: int) -> Iterator[Stream]:
+    """Draw up to ``budget`` replicates per stream, in turns; yields the stream after each of its looks."""
+    purse, limit = budget * len(streams), 0
+    while (waiting := [s for s in streams if s.waiting]) and purse >= len(waiting):
+        limit += purse // len(waiting)
+        while turn := [s for s in waiting if s.waiting and s.drawn < limit]:
+            for stream in turn:
+                purse -= stream.advance(subject, limit)
+                yield stream

@@ -1,0 +1,71 @@
+"""Reading numbers: strings are decimal rationals, floats are taken at their exact binary value."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from fractions import Fraction
+from numbers import Integral, Rational
+from typing import Any
+
+from truemean.errors import InputError, InputTypeError
+
+__all__ = ["exact_fraction", "exact_number", "exact_weight"]
+
+
+def exact_number(value: Any, name: str = "value") -> Fraction:
+    """``value`` as a rational: int, Fraction, Decimal, ``"p/q"``, decimal string, or a float as it stands.
+
+    >>> exact_number("0.1"), exact_number(0.1) == Fraction(1, 10)
+    (Fraction(1, 10), False)
+    """
+    if isinstance(value, Fraction):
+        return value
+    if isinstance(value, Rational | Integral):
+        return Fraction(int(value.numerator), int(value.denominator))
+    if isinstance(value, str):
+        try:
+            return Fraction(value.strip())
+        except (ValueError, ZeroDivisionError):
+            raise InputError(
+                f"{name}={value!r} is not a number: write an integer, 'p/q' or a decimal such as '0.875'"
+            ) from None
+    try:
+        as_float = value if isinstance(value, Decimal) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise InputTypeError(
+            f"{name}={value!r} (type={type(value).__name__}) is not a number: use int, Fraction, float or a string 'p/q'"
+        ) from None
+    if not math.isfinite(as_float):
+        raise InputError(f"{name}={value!r} is not finite: a pixel's numbers must be finite")
+    return Fraction(as_float)
+
+
+def exact_weight(value: Any, name: str = "weight") -> Fraction:
+    """``value`` as a weight in [0, 1]; a float is refused, because nobody means its binary value.
+
+    >>> exact_weight("7/8")
+    Fraction(7, 8)
+    """
+    if not isinstance(value, str | Integral | Rational | Decimal):
+        hint = f"write {str(value)!r}" if _is_real(value) else "write an int, a Fraction or 'p/q'"
+        raise InputTypeError(f"{name}={value!r} (type={type(value).__name__}) is not an exact weight: {hint}")
+    weight = exact_number(value, name)
+    if weight < 0:
+        raise InputError(f"{name}={value!r} is negative: weights are coverages between 0 and 1")
+    return weight
+
+
+def exact_fraction(value: Any, name: str) -> Fraction:
+    """A part of a whole: like `exact_weight` (floats taken as they stand), strictly between 0 and 1."""
+    part = exact_number(value, name)
+    if not 0 < part < 1:
+        raise InputError(f"{name}={value!r} must lie strictly between 0 and 1")
+    return part
+
+
+def _is_real(value: Any) -> bool:
+    try:
+        return math.isfinite(float(value))
+    except (TypeError, ValueError, OverflowError):
+        return False

@@ -1,0 +1,146 @@
+"""The law of one draw: atoms with exact weights, and columns of numbers attached to the atoms.
+
+A column is what may be averaged: the value itself, one channel of a colour, or a weighted value.
+Every column is a lattice, ``base + step * e`` with small non-negative integers ``e``, so sums of
+draws are sums of integers. Choices of the estimator and sub-estimates are laws like any other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+from truemean.oracle.columns import Ints, integers
+
+__all__ = ["Lattice", "Law", "SubLaw"]
+
+Atom = tuple[Fraction, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Lattice:
+    """One column of the atoms as ``base + step * e``, with its mean and variance under the law."""
+
+    base: Fraction
+    step: Fraction
+    e: Ints
+    mean: Fraction
+    variance: Fraction
+
+
+class Law:
+    """A finite law: ``atoms`` in ascending order (tuples by column), ``weights`` all positive.
+
+    ``cost`` and ``oracle_calls`` are what one draw costs; a choice of the estimator costs nothing.
+    """
+
+    def __init__(
+        self,
+        atoms: Sequence[Atom],
+        weights: Sequence[Fraction],
+        name: str = "X",
+        cost: Fraction = Fraction(1),
+        oracle_calls: Fraction = Fraction(0),
+    ) -> None:
+        pairs = sorted((atom, weight) for atom, weight in zip(atoms, weights, strict=True) if weight)
+        self.name, self.cost, self.oracle_calls = name, cost, oracle_calls
+        self.weights: tuple[Fraction, ...] = tuple(weight for _, weight in pairs)
+        self.values: tuple[Atom, ...] = tuple(atom for atom, _ in pairs)
+        self.channels = len(self.values[0])
+        self.ratios: dict[Atom, Fraction] | None = None  # density ratios of a proposal
+        self._lattices = [self._read_lattice(list(column)) for column in zip(*self.values, strict=True)]
+
+    @property
+    def k(self) -> int:
+        """Number of atoms."""
+        return len(self.values)
+
+    @cached_property
+    def unit(self) -> int:
+        """The common denominator A of the weights."""
+        return math.lcm(*(w.denominator for w in self.weights))
+
+    @cached_property
+    def masses(self) -> list[int]:
+        """Integer weights a_i = A omega_i."""
+        return [int(w * self.unit) for w in self.weights]
+
+    def lattice(self, column: int) -> Lattice:
+        """The column as integers."""
+        return self._lattices[column]
+
+    def column(self, column: int) -> list[Fraction]:
+        """The column's number at each atom."""
+        lattice = self.lattice(column)
+        return [lattice.base + lattice.step * int(e) for e in lattice.e]
+
+    def mean(self, column: int) -> Fraction:
+        """The true mean of a column."""
+        return self.lattice(column).mean
+
+    def variance(self, column: int) -> Fraction:
+        """The variance of a column."""
+        return self.lattice(column).variance
+
+    def add_column(self, values: Sequence[Fraction]) -> int:
+        """Attach a further column; the same numbers get the same place."""
+        for number in range(len(self._lattices)):
+            if self.column(number) == list(values):
+                return number
+        self._lattices.append(self._read_lattice(list(values)))
+        return len(self._lattices) - 1
+
+    def _read_lattice(self, values: list[Fraction]) -> Lattice:
+        base = min(values)
+        unit = math.lcm(*(v.denominator for v in values))
+        scaled = [int((v - base) * unit) for v in values]
+        step = math.gcd(*scaled) or 1
+        mean = sum((w * v for w, v in zip(self.weights, values, strict=True)), Fraction(0))
+        variance = sum((w * (v - mean) ** 2 for w, v in zip(self.weights, values, strict=True)), Fraction(0))
+        return Lattice(base, Fraction(step, unit), integers(s // step for s in scaled), mean, variance)
+
+
+class SubLaw(Law):
+    """The law of a sub-estimate: mean, variance and cost as derived, its atoms only if somebody looks."""
+
+    def __init__(self, name: str, derivation: Any) -> None:
+        self.name, self.ratios = name, None
+        self.channels = derivation.pixel.channels or 1
+        self._derivation = derivation
+        self._colour = derivation.pixel.channels is not None
+
+    @property
+    def cost(self) -> Fraction:  # type: ignore[override]
+        """Draws that the sub-estimate takes on average."""
+        return self._derivation.cost  # type: ignore[no-any-return]
+
+    @property
+    def oracle_calls(self) -> Fraction:  # type: ignore[override]
+        """Oracle calls that it takes on average."""
+        return self._derivation.oracle_calls  # type: ignore[no-any-return]
+
+    @cached_property
+    def _full(self) -> Law:
+        law = self._derivation.distribution()
+        return Law([v if self._colour else (v,) for v in law], list(law.values()), self.name)
+
+    @property
+    def values(self) -> tuple[Atom, ...]:  # type: ignore[override]
+        return self._full.values
+
+    @property
+    def weights(self) -> tuple[Fraction, ...]:  # type: ignore[override]
+        return self._full.weights
+
+    def lattice(self, column: int) -> Lattice:
+        return self._full.lattice(column)
+
+    def mean(self, column: int) -> Fraction:
+        return self._derivation.expectation[column] if self._colour else self._derivation.expectation  # type: ignore[no-any-return]
+
+    def variance(self, column: int) -> Fraction:
+        return self._derivation.variance[column] if self._colour else self._derivation.variance  # type: ignore[no-any-return]

@@ -1,0 +1,455 @@
+"""Paths: a plan is called once for every sequence of decisions, not once for every outcome.
+
+``bool(decision)`` splits the rows of the path, goes on with one part and leaves the other for a
+later call, which replays the recorded answers without any work on rows. One repair mechanism
+serves all surprises: a path that asks more of a sample than was observed notes the need and is
+run again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from numbers import Rational
+from typing import Any
+
+import numpy as np
+
+from truemean.errors import InputError, NotDeterministic, PlanError, RowBudgetExceeded, TruemeanError
+from truemean.oracle.evaluate import Evaluator, leaves
+from truemean.oracle.exact import exact_number
+from truemean.oracle.features import Level
+from truemean.oracle.law import Law, SubLaw
+from truemean.oracle.pixel import Pixel
+from truemean.oracle.population import Population, Sample, Segment, size_of
+from truemean.oracle.quantity import CURRENT, Decision, Node, Quantity, Vector, constant, quantity, text
+from truemean.oracle.observing import Observer, Replay
+from truemean.oracle.rows import Block, Rows
+from truemean.oracle.tables import Table, power, rows_of
+
+__all__ = ["Exploration", "Path"]
+
+_VERIFIED_DECISIONS = 20_000
+_MOST_DECISIONS = 100_000
+_MOST_VALUES = 64
+
+
+class Point:
+    """A place in the tree of paths: the decision asked there, and where its two answers lead."""
+
+    __slots__ = ("asked", "prefix", "sides", "value", "words")
+
+    def __init__(self, prefix: tuple[bool, ...]) -> None:
+        self.prefix = prefix
+        self.asked: Decision | None = None
+        self.words = ("", "")
+        self.sides: dict[bool, Point] = {}
+        self.value: Fraction | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Pending:
+    """A path not yet run: its answers so far, and its rows (None: to be worked out again)."""
+
+    prefix: tuple[bool, ...]
+    rows: Rows | None
+
+
+class Exploration:
+    """All paths of a plan on a pixel, and the needs that they have noted."""
+
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        pixel: Pixel,
+        params: dict[str, Any],
+        budget: int,
+        lenient: bool,
+        parent: Exploration | None = None,
+        weightless: bool = False,
+    ) -> None:
+        self.function, self.pixel, self.params = function, pixel, params
+        self.budget, self.lenient, self.weightless = budget, lenient, weightless
+        self.laws: dict[Any, Law] = parent.laws if parent else {}
+        self.tables: dict[Any, Any] = parent.tables if parent else {}
+        self.subplans: dict[Any, SubLaw] = parent.subplans if parent else {}
+        self.observer = Observer(self.tables, self.check_budget, lenient)
+        self.root = Point(())
+        self.start = Rows()
+        self._paths: list[Path] | None = None
+
+    @property
+    def paths(self) -> list[Path]:
+        """Every path, depth first, the answer "yes" before "no"."""
+        if self._paths is None:
+            self._paths = self._explore()
+        return self._paths
+
+    def prepared(self, prepare: Callable[[Path], Any]) -> list[Any]:
+        """What ``prepare`` makes of every path; a need that it notes sends all paths round again."""
+        while True:
+            try:
+                return [prepare(path) for path in self.paths]
+            except Replay:
+                self._paths = None
+
+    def _explore(self) -> list[Path]:
+        pending = [Pending((), self.start)]
+        finished: list[Path] = []
+        replayed = 0
+        while pending:
+            task = pending.pop()
+            path = Path(self, task)
+            try:
+                path.run()
+            except Replay as need:
+                below = need.label[0].prefix
+                pending = [p if p.prefix[: len(below)] != below else Pending(p.prefix, None) for p in pending]
+                pending.append(Pending(task.prefix, None))
+                continue
+            if replayed < _VERIFIED_DECISIONS:
+                path.verify()
+                replayed += len(path.taken)
+            finished.append(path)
+            pending += path.forks
+        return finished
+
+    # -- what paths share --------------------------------------------------------------------
+
+    def table(self, law: Law, n: int, wanted: Level, asked: str) -> Table:
+        """A table, made once; RowBudgetExceeded if it would have too many rows."""
+        key = (law, n, wanted)
+        if key not in self.tables:
+            self.check_budget(rows_of(law, n, wanted), f"{asked} at level {wanted} of {n} draws of {law.k} values")
+            self.tables[key] = power(law, n, wanted)
+        found: Table = self.tables[key]
+        return found
+
+    def check_budget(self, rows: int, asked: str) -> None:
+        """Complain before memory runs out."""
+        if rows > self.budget:
+            raise RowBudgetExceeded(
+                f"{asked} needs {rows:,} rows, more than rows={self.budget:,}: decide on a coarser statistic, draw less, "
+                f"give a larger rows=, or use rows='sampled' for an interval"
+            )
+
+    def law_of(self, pixel: Pixel) -> Law:
+        """The law of a pixel; equal pixels share it."""
+        key = (pixel.values, pixel.weights)
+        if key not in self.laws:
+            self.laws[key] = Law([v if isinstance(v, tuple) else (v,) for v in pixel.values], pixel.weights)
+        return self.laws[key]
+
+
+class Path:
+    """One run of a plan: answers its decisions, keeps its samples, and holds the rows it is about."""
+
+    def __init__(self, exploration: Exploration, task: Pending) -> None:
+        self.exploration, self.task = exploration, task
+        self.observer = exploration.observer
+        self.rows = exploration.start
+        self.taken: list[tuple[Point, bool]] = []
+        self.forks: list[Pending] = []
+        self.samples: list[Sample] = []
+        self.draws, self.oracle_calls = 0, Fraction(0)
+        self.result: tuple[Quantity, ...] = ()
+        self._point, self._ordinal = exploration.root, 0
+        self._working = task.rows is None
+        if not task.prefix and task.rows is not None:
+            self.rows, self._working = task.rows, True
+
+    # -- running -----------------------------------------------------------------------------
+
+    def run(self) -> None:
+        """Call the plan; the path then has its result."""
+        X = Population(self, self.exploration.pixel)
+        token = CURRENT.set(self)
+        try:
+            estimate = self.exploration.function(X, **self.exploration.params)
+        except TruemeanError:
+            raise
+        except RecursionError:
+            raise PlanError("the plan calls itself without end: give the recursion a case that stops") from None
+        except Exception as error:
+            error.add_note(f"in a plan, on the path: {self.text() or 'before any decision'}")
+            raise
+        finally:
+            CURRENT.reset(token)
+        self.result = _estimate(estimate, self.exploration.pixel)
+
+    def verify(self) -> None:
+        """Run once more by recorded answers only: the same estimate must come back."""
+        again = Path(self.exploration, Pending(tuple(side for _, side in self.taken), Rows()))
+        again.run()
+        same = [a.key for a in again.result] == [b.key for b in self.result]
+        if not same or again.cost.key != self.cost.key or len(again.taken) != len(self.taken):
+            raise NotDeterministic(
+                f"the plan returned {_tuple_text(self.result)}, then {_tuple_text(again.result)} on the same path "
+                f"({self.text()}): make its own choices with X.coin or X.pick"
+            )
+
+    def text(self) -> str:
+        """The decisions of the path in words."""
+        return ", ".join(self.decisions)
+
+    @property
+    def decisions(self) -> list[str]:
+        """What was decided, in order; comparisons of constants are not decisions."""
+        return [words for point, side in self.taken if (words := point.words[side])]
+
+    # -- decisions ---------------------------------------------------------------------------
+
+    def decide(self, decision: Decision) -> bool:
+        """The answer: the recorded one while replaying, else a split of the rows."""
+        depth, prefix, point = len(self.taken), self.task.prefix, self._point
+        if point.asked is None:
+            point.asked = decision
+            if leaves(decision):
+                point.words = (text(decision, False), text(decision))
+        elif point.asked.key != decision.key:
+            raise NotDeterministic(
+                f"the plan decided {point.asked!r}, then {decision!r} at the same place: "
+                f"make its own choices with X.coin or X.pick"
+            )
+        if depth < len(prefix):
+            side = prefix[depth]
+            if self._working:
+                kept = self._split(decision)[0 if side else 1]
+                assert kept is not None
+                self.rows = kept
+            elif depth + 1 == len(prefix):
+                assert self.task.rows is not None
+                self.rows, self._working = self.task.rows, True
+        else:
+            side = self._fork(decision)
+        self.taken.append((point, side))
+        if len(self.taken) > _MOST_DECISIONS:
+            raise PlanError(f"more than {_MOST_DECISIONS:,} decisions on one path: bound the loop, or use X.draw_until")
+        if side not in point.sides:
+            point.sides[side] = Point((*point.prefix, side))
+        self._point, self._ordinal = point.sides[side], 0
+        return side
+
+    def _fork(self, decision: Decision) -> bool:
+        yes, no = self._split(decision)
+        if yes is not None and no is not None:
+            self.forks.append(Pending((*(side for _, side in self.taken), False), no))
+        side = yes is not None
+        kept = yes if side else no
+        assert kept is not None
+        self.rows = kept
+        return side
+
+    def _split(self, decision: Decision) -> tuple[Rows | None, Rows | None]:
+        self.check_weights(decision)
+        rows, block = self.observer.require(self.rows, leaves(decision), decision)
+        return rows.split(block, Evaluator(block, self.exploration.lenient).holds(decision))
+
+    def enumerate(self, asked: Quantity, whole: bool = True) -> Any:
+        """One value of a quantity, by a chain of decisions over its distinct values."""
+        while True:
+            if self._point.asked is None:
+                self._point.value = self._smallest(asked, whole)
+            value = self._point.value
+            if value is None:
+                raise NotDeterministic(f"the plan asked for a value of {asked!r} where it had taken a decision before")
+            if self.decide(Decision("==", asked, constant(value))):
+                return int(value) if whole else value
+
+    def _smallest(self, asked: Quantity, whole: bool) -> Fraction:
+        _, block = self.observer.require(self.rows, leaves(asked), asked)
+        values = set(Evaluator(block, self.exploration.lenient).column(asked).fractions())
+        if len(values) > _MOST_VALUES:
+            raise PlanError(f"{asked!r} has {len(values)} values, too many for one path each: X.draw takes a quantity")
+        smallest = min(values)
+        if whole and smallest.denominator != 1:
+            raise PlanError(f"int({asked!r}) would cut off {smallest}: use np.floor or round first")
+        return smallest
+
+    # -- what a population asks --------------------------------------------------------------
+
+    def check_alive(self, sample: Sample) -> None:
+        """A sample belongs to one path; kept beyond it, it means nothing."""
+        if CURRENT.get() is not self:
+            raise PlanError(f"{sample.name} was drawn in an earlier run of the plan: don't keep samples outside it")
+
+    def segment(self, law: Law, n: Any, least: int) -> Segment:
+        """Some draws: their number checked, or a quantity kept for later."""
+        asked = f"a draw of {law.name}"
+
+        def tables(size: int, wanted: Level) -> Table:
+            return self.exploration.table(law, size, wanted, asked)
+
+        return Segment(_size(n, least), tables)
+
+    def sample(self, law: Law, segments: list[Segment], colour: bool, name: str | None = None) -> Sample:
+        """A new sample, known by its place in the tree of paths."""
+        label = (self._point, self._ordinal)
+        self._ordinal += 1
+        number = 1 + sum(1 for s in self.samples if s.law.cost and not isinstance(s.law, SubLaw))
+        sample = Sample(self, law, label, name or f"S{number}", segments, colour)
+        self.samples.append(sample)
+        return sample
+
+    def choice(self, weights: list[Quantity], name: str, normalise: bool) -> Quantity:
+        """A choice of the estimator itself: a sample of size 1 that costs nothing."""
+        fixed = [w.args[0] if w.op == "const" else _constant(w) for w in weights]
+        chances = None
+        if all(w is not None for w in fixed):
+            total = sum(fixed)
+            if min(fixed) < 0 or not total or (not normalise and total != 1):
+                raise InputError(f"{name}: probabilities {', '.join(map(str, fixed))} must lie between 0 and 1")
+            probabilities = [w / total for w in fixed]
+        else:
+            chances, probabilities = weights, [Fraction(1, len(weights))] * len(weights)
+        key = (name, tuple(probabilities))
+        if key not in self.exploration.laws:
+            atoms = [(Fraction(i),) for i in range(len(weights))]
+            self.exploration.laws[key] = Law(atoms, probabilities, name, cost=Fraction(0))
+        law = self.exploration.laws[key]
+        sample = self.sample(law, [self.segment(law, 1, 1)], False, name)
+        sample.chances = chances
+        return Quantity("sum", sample, (0, 1), 0)
+
+    def loop(self, law: Law, colour: bool, stop: Any, start: int, step: int, most: int, parts: int) -> Sample:
+        """A sample that grows until ``stop`` holds: one forward recursion instead of a path per size."""
+        from truemean.oracle.loops import Loop, sized_segment
+
+        loop = Loop.declare(self, law, colour, stop, _size(start, 1), _size(step, 1), _size(most, 1), _size(parts, 1))
+        sample = self.sample(law, [], colour)
+        sample.segments += [sized_segment(sample, part) for part in range(loop.parts)]
+        sample.loop = loop
+        if loop.parts > 1:
+            self.observer.apart.add(sample.label)
+        return sample
+
+    def sub_estimate(self, pixel: Pixel, law: Law, plan: Any, params: dict[str, Any], name: str) -> Sample:
+        """A sample of size 1 from the law of another plan's estimate."""
+        from truemean.oracle.derivation import sub_law
+
+        fixed = {k: self.enumerate(v, whole=False) if isinstance(v, Quantity) else v for k, v in params.items()}
+        sub = sub_law(self.exploration, plan, pixel, fixed)
+        return self.sample(sub, [self.segment(sub, 1, 1)], sub.channels > 1 or bool(pixel.channels), sub.name)
+
+    def proposal(self, pixel: Pixel, proposal: Any) -> Law:
+        """The pixel's values under other weights, with density ratios to weight them back."""
+        other = proposal if isinstance(proposal, Pixel) else Pixel(proposal)
+        weights = [other.law.get(value, Fraction(0)) for value in pixel.values]
+        for value, weight, q in zip(pixel.values, pixel.weights, weights, strict=True):
+            if weight and not q:
+                raise PlanError(f"the proposal never draws {value}, which has weight {weight}: give it some weight")
+        if sum(weights) != 1:
+            raise PlanError("the proposal draws values that the pixel has not: use the pixel's own values")
+        key = ("proposal", pixel.values, pixel.weights, tuple(weights))
+        if key not in self.exploration.laws:
+            atoms = [v if isinstance(v, tuple) else (v,) for v in pixel.values]
+            law = Law(atoms, weights, "X from a proposal")
+            law.ratios = {a: w / q for a, w, q in zip(atoms, pixel.weights, weights, strict=True) if q}
+            self.exploration.laws[key] = law
+        return self.exploration.laws[key]
+
+    def weighted_columns(self, sample: Sample, weight: Any) -> list[int]:
+        """Columns of weight times value, by channel; ``weight="ratio"`` is the density ratio."""
+        factors = _factors(sample.law, weight)
+        law = sample.law
+        return [law.add_column([f * v[c] for f, v in zip(factors, law.values, strict=True)]) for c in range(law.channels)]
+
+    def ratio_mean(self, sample: Sample) -> Any:
+        """Sum of ratio times value over sum of ratio."""
+        ratio = sample.law.add_column(_factors(sample.law, "ratio"))
+        span = (0, len(sample.segments))
+        below = Quantity("sum", sample, span, ratio)
+        found = [Quantity("sum", sample, span, c) / below for c in self.weighted_columns(sample, "ratio")]
+        return Vector(found) if sample.colour else found[0]
+
+    def law_of(self, pixel: Pixel) -> Law:
+        """The law of a pixel."""
+        return self.exploration.law_of(pixel)
+
+    def spend(self, draws: int = 0, oracle_calls: Fraction = Fraction(0)) -> None:
+        """Costs that are no draws of a sample."""
+        self.draws += draws
+        self.oracle_calls += oracle_calls
+
+    @property
+    def cost(self) -> Quantity:
+        """The number of draws on this path, as an expression."""
+        total = constant(self.draws)
+        for sample in self.samples:
+            if sample.law.cost:
+                total = total + sample.law.cost * quantity(size_of(sample, 0, len(sample.segments)))
+        return total
+
+    @property
+    def calls(self) -> Fraction:
+        """Oracle calls on this path, those of sub-estimates at their mean."""
+        return self.oracle_calls + sum((s.law.oracle_calls for s in self.samples), Fraction(0))
+
+    def note_weights(self, asked: str) -> None:
+        """Refuse what has no meaning while weights are left open."""
+        if self.exploration.weightless:
+            raise PlanError(f"the plan reads {asked}, so it has no result at other weights: derive it for each pixel")
+
+    def check_weights(self, node: Node) -> None:
+        """Refuse a true mean outside the linear part of an estimate while weights are left open."""
+        if self.exploration.weightless and _reads_truth(node):
+            self.note_weights(f"the true mean in {text(node)}")
+
+
+def _reads_truth(node: Node) -> bool:
+    return node.op == "true mean" or any(_reads_truth(a) for a in node.args if isinstance(a, Node))
+
+
+def _constant(node: Quantity) -> Fraction | None:
+    if leaves(node):
+        return None
+    return Evaluator(Block((), 1)).column(node).fractions()[0]
+
+
+def _size(n: Any, least: int) -> int | Quantity:
+    if isinstance(n, Quantity):
+        fixed = _constant(n)
+        if fixed is None:
+            return n
+        n = fixed
+    number = exact_number(n, "n")
+    if number.denominator != 1 or number < least:
+        raise InputError(f"n={n!r} is not a sample size: draw an integer number of at least {least}")
+    return int(number)
+
+
+def _factors(law: Law, weight: Any) -> list[Fraction]:
+    if isinstance(weight, str) and weight == "ratio":
+        ratios = law.ratios or {}
+        if not ratios:
+            raise PlanError("weight='ratio' needs a sample of X.from_(proposal)")
+        return [ratios[v] for v in law.values]
+    plain = [v if law.channels > 1 else v[0] for v in law.values]
+    return [exact_number(weight(v) if callable(weight) else weight[v], "weight") for v in plain]
+
+
+def _estimate(result: Any, pixel: Pixel) -> tuple[Quantity, ...]:
+    """The estimate by channel; PlanError if it is none."""
+    if isinstance(result, Vector | tuple) and pixel.channels == len(result):
+        return tuple(_number(part) for part in result)
+    if pixel.channels is None:
+        return (_number(result),)
+    raise PlanError(
+        f"the plan returned {result!r} (type={type(result).__name__}) for a pixel of {pixel.channels} channels: "
+        f"return a vector such as S.mean(), or a tuple of as many numbers"
+    )
+
+
+def _number(part: Any) -> Quantity:
+    if isinstance(part, Quantity):
+        return part
+    if isinstance(part, Rational | float | np.integer | np.floating) and not isinstance(part, bool):
+        return quantity(part)
+    raise PlanError(f"the plan returned {part!r} (type={type(part).__name__}): return a number or a quantity")
+
+
+def _tuple_text(result: tuple[Quantity, ...]) -> str:
+    return ", ".join(map(text, result))
+
+

@@ -1,0 +1,167 @@
+"""Reading what is written on the command line: PLAN, PIXEL, --set, --range and the places to write to."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from truemean.adapters.callables import _import as import_place
+from truemean.adapters.registry import parse
+from truemean.conformance.pixels import SETS, pixel_by_name, standard_pixels
+from truemean.errors import InputError, PlanError, SubjectError, TruemeanError, UnknownName
+from truemean.oracle.exact import exact_number, exact_weight
+from truemean.oracle.pixel import Pixel, Value
+from truemean.oracle.plan import Plan, as_plan
+from truemean.oracle.plans import catalogue
+from truemean.oracle.scene import load_scene, shipped_scenes
+
+__all__ = ["check_destination", "plan_errors", "read_pixel", "read_pixels", "read_plan", "read_range"]
+
+PIXEL_FORMS = "'0:7/8,1:1/8', '(1,0,0):1/2,(0,1,0):1/2', 'standard:thin' or 'scene.json#12,7'"
+
+
+def read_plan(text: str, settings: Sequence[str] = ()) -> tuple[Plan, dict[str, Any]]:
+    """The plan that PLAN names and all its parameters, from ``PLAN?name=value`` and from ``--set name=value``.
+
+    PLAN is a name of the catalogue, ``FILE.py:FUNCTION`` or ``MODULE:FUNCTION``; the current directory is
+    importable. UnknownName, PlanError or InputError for what can't be read.
+
+    >>> plan, params = read_plan("kirk-arvo?eps=1/4", ["n=8"])
+    >>> plan.name, params
+    ('kirk-arvo', {'n': 8, 'eps': Fraction(1, 4)})
+    """
+    place, function, params = parse(text)
+    plan = _own_plan(place, function) if function else _known_plan(place)
+    for setting in settings:
+        name, equals, value = (part.strip() for part in setting.partition("="))
+        if not (name and equals and value):
+            raise InputError(f"--set {setting!r} is not name=value: write --set n=4")
+        if name in params:
+            raise InputError(f"--set {setting!r}: {name} is given twice, give it once")
+        params[name] = value
+    return plan, plan.bind(params)
+
+
+def _known_plan(name: str) -> Plan:
+    if name.endswith(".py"):
+        raise InputError(f"PLAN {name!r} names a file but no function in it: write {name}:my_plan")
+    return catalogue[name]
+
+
+def _own_plan(place: str, function: str) -> Plan:
+    try:
+        module = import_place(place)
+    except SubjectError as error:
+        raise PlanError(str(error)) from error
+    if not hasattr(module, function):
+        raise UnknownName(f"plan in {place}", function, [n for n, v in vars(module).items() if callable(v)])
+    return as_plan(getattr(module, function))
+
+
+@contextmanager
+def plan_errors(plan: Plan) -> Iterator[None]:
+    """What the reader's own plan raises becomes a PlanError with its line; truemean's own faults pass."""
+    code = getattr(plan.function, "__code__", None)
+    try:
+        yield
+    except TruemeanError:
+        raise
+    except Exception as error:
+        frames = traceback.extract_tb(error.__traceback__) if code and plan.function.__module__ not in OWN else []
+        lines = [frame.lineno for frame in frames if frame.filename == code.co_filename]
+        if not lines:
+            raise
+        notes = "".join(f"; {note}" for note in getattr(error, "__notes__", ()))
+        raised = f"{type(error).__name__}: {error}"
+        raise PlanError(f"plan {plan.name!r} raised {raised} ({Path(file).name}, line {lines[-1]}{notes})") from error
+
+
+def read_pixel(text: str) -> Pixel:
+    """The pixel X that PIXEL stands for: values with weights, one of a standard set, or one of a scene.
+
+    >>> read_pixel("0:7/8, 1:0.125"), read_pixel("(1,0,0):1/2,(0,1,0):1/2").channels
+    (Pixel({0: 7/8, 1: 1/8}), 3)
+    >>> read_pixel("standard:thin"), read_pixel("tile#4,0")
+    (Pixel({0: 63/64, 1: 1/64}), Pixel({0: 15/16, 1: 1/16}))
+    """
+    written = text.strip()
+    if "#" in written:
+        return _scene_pixel(written)
+    if written[:1].isalpha() and ":" in written:
+        return pixel_by_name(written)
+    return Pixel(_read_law(written))
+
+
+def read_pixels(texts: Sequence[str]) -> dict[str, Pixel] | None:
+    """Pixels by name, each text being a set (``standard``, ``hard``) or a PIXEL; None for no text at all."""
+    pixels: dict[str, Pixel] = {}
+    for text in texts:
+        pixels |= standard_pixels(text) if text in SETS else {text: read_pixel(text)}
+    return pixels or None
+
+
+def read_range(text: str | None) -> tuple[Fraction, Fraction] | None:
+    """``lo,hi`` as two numbers.
+
+    >>> read_range("-1,3/2")
+    (Fraction(-1, 1), Fraction(3, 2))
+    """
+    if text is None:
+        return None
+    low, comma, high = text.partition(",")
+    if not comma:
+        raise InputError(f"--range {text!r} is not lo,hi: write --range 0,1")
+    return exact_number(low, "--range"), exact_number(high, "--range")
+
+
+def check_destination(option: str, file: str | Path | None) -> None:
+    """InputError now, rather than after the work, if nothing can be written to ``file``."""
+    if file is None or str(file) == "-":
+        return
+    path = Path(file)
+    if path.is_dir():
+        raise InputError(f"{option} {str(file)!r} is a directory: give the name of a file")
+    if not path.parent.is_dir():
+        raise InputError(f"{option} {str(file)!r} is in no directory that exists: make {str(path.parent)!r} first")
+
+
+def _scene_pixel(text: str) -> Pixel:
+    scene, _, position = text.rpartition("#")
+    try:
+        x, y = (int(part) for part in position.split(","))
+    except ValueError:
+        raise InputError(f"pixel {text!r} is not SCENE#x,y: write e.g. {next(iter(shipped_scenes()))}#0,0") from None
+    return load_scene(scene).pixel(x, y)
+
+
+def _read_law(text: str) -> Mapping[Value, Fraction]:
+    law: dict[Value, Fraction] = {}
+    for item in _split(text):
+        value, colon, weight = item.rpartition(":")
+        if not (colon and value.strip()):
+            raise InputError(f"pixel {text!r}: {item!r} is not value:weight; a pixel is written {PIXEL_FORMS}")
+        intensity = _read_value(value.strip())
+        law[intensity] = law.get(intensity, Fraction(0)) + exact_weight(weight, f"weight of {value.strip()}")
+    return law
+
+
+def _read_value(text: str) -> Value:
+    if text.startswith("(") and text.endswith(")"):
+        return tuple(exact_number(channel, "value") for channel in text[1:-1].split(","))
+    return exact_number(text, "value")
+
+
+def _split(text: str) -> list[str]:
+    """The parts between those commas that are in no parentheses."""
+    parts, depth = [""], 0
+    for character in text:
+        depth += (character == "(") - (character == ")")
+        if character == "," and not depth:
+            parts.append("")
+        else:
+            parts[-1] += character
+    return parts
