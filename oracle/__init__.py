@@ -4,5 +4,6 @@ from truemean.oracle.derivation import Derivation, derive
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.plan import Plan, plan
 from truemean.oracle.rings import Approx
+from truemean.oracle.simulate import simulate
 
-__all__ = ["Approx", "Derivation", "Pixel", "Plan", "derive", "plan"]
+__all__ = ["Approx", "Derivation", "Pixel", "Plan", "derive", "plan", "simulate"]

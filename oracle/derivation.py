@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from truemean.errors import InputError, InputTypeError, PlanError, UnknownName
+from truemean.errors import InputError, InputTypeError, UnknownName
 from truemean.oracle.distribution import joined_law
+from truemean.oracle.evaluate import check_closed
 from truemean.oracle.features import Level
 from truemean.oracle.forms import Form, prepare
-from truemean.oracle.law import SubLaw
+from truemean.oracle.law import Law, SubLaw
 from truemean.oracle.paths import Exploration, Path
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.plan import Plan, as_plan
-from truemean.oracle.quantity import Quantity
-from truemean.oracle.rings import Approx, Batch, Exact, Float64, Ring
+from truemean.oracle.rings import Approx, Batch, Exact, Float64, Ring, rounded
 
 __all__ = ["Derivation", "DerivedPath", "derive"]
 
@@ -46,60 +46,54 @@ class Derivation:
     def __init__(self, plan: Plan, pixel: Pixel, ring: Ring, exploration: Exploration, rtol: float | None) -> None:
         self.plan, self.pixel = plan, pixel
         self._ring, self._exploration, self._rtol = ring, exploration, rtol
+        self._kept: tuple[list[Path], list[list[Form]]] = ([], [])
 
     # -- results -----------------------------------------------------------------------------
 
     @cached_property
     def bias(self) -> Any:
         """E[xi] - I, summed over the paths and never formed as a difference."""
-        return self._by_channel(lambda c: self._total([f.mean(self._ring) for f in self._forms[c]], self._slack(c)))
+        forms = self._forms
+        return self._result("bias", [self._total([f.mean(self._ring) for f in by_path], by_path) for by_path in forms])
 
     @cached_property
     def expectation(self) -> Any:
         """E[xi]."""
-        return self._by_channel(lambda c: self._channel(self.bias, c) + self._truth(c))
+        biases, truths = self._channels(self.bias), self._truths
+        return self._result("expectation", [b + t for b, t in zip(biases, truths, strict=True)])
 
     @cached_property
     def relative_bias(self) -> Any:
-        """Bias divided by the true mean."""
-
-        def channel(c: int) -> Any:
-            if not self._law.mean(c):
-                raise InputError("relative_bias has no meaning at true mean 0: use bias")
-            return self._channel(self.bias, c) / self._truth(c)
-
-        return self._by_channel(channel)
+        """Bias divided by the true mean; InputError where that is 0."""
+        if not self._exploration.weightless and not all(self._law.mean(c) for c in range(self._law.channels)):
+            raise InputError("relative_bias has no meaning at true mean 0: use bias")
+        biases, truths = self._channels(self.bias), self._truths
+        return self._result("relative_bias", [b / t for b, t in zip(biases, truths, strict=True)])
 
     @cached_property
     def mse(self) -> Any:
         """E[(xi - I)^2]."""
-
-        def channel(c: int) -> Any:
-            forms = self._exploration.prepared(lambda p: self._form(p, c, order=2))
-            return self._total([f.moments(self._ring, 2)[2] for f in forms], max(f.slack for f in forms))
-
-        return self._by_channel(channel)
+        forms = self._prepared(order=2)
+        return self._result("mse", [self._total([f.moments(self._ring, 2)[2] for f in fs], fs) for fs in forms])
 
     @cached_property
     def variance(self) -> Any:
         """E[(xi - E[xi])^2]."""
-        mse, bias = self.mse, self.bias
-        return self._by_channel(
-            lambda c: self._channel(mse, c) - self._channel(bias, c) * self._channel(bias, c)
-        )
+        pairs = zip(self._channels(self.mse), self._channels(self.bias), strict=True)
+        return self._result("variance", [mse - bias * bias for mse, bias in pairs])
 
     @cached_property
     def cost(self) -> Any:
         """E[number of samples drawn], those of sub-estimates included."""
         forms = self._exploration.prepared(lambda p: prepare(p, p.cost, None, 1))
-        return self._total([f.mean(self._ring) for f in forms])
+        return self._held("cost", self._total([f.mean(self._ring) for f in forms], forms))
 
     @cached_property
     def oracle_calls(self) -> Any:
         """E[number of true_mean() calls]."""
-        paths = zip(self._exploration.paths, self._forms[0], strict=True)
-        calls = [self._ring.number(p.calls) * f.probability(self._ring) for p, f in paths if p.calls]
-        return self._total(calls)
+        paths = [p for p in self._exploration.paths if p.calls]
+        calls = [self._ring.number(p.calls) * p.rows.probability(self._ring) for p in paths]
+        return self._held("oracle_calls", self._total(calls, []))
 
     def distribution(self) -> dict[Any, Any]:
         """The law of xi: ``{value: probability}``, values ascending, exact.
@@ -107,16 +101,17 @@ class Derivation:
         >>> derive(lambda X: X.draw(2).mean(), Pixel.two("1/2")).distribution()[Fraction(1, 2)]
         Fraction(1, 2)
         """
+        check_closed(self._law, "its whole law")
         return joined_law(self._exploration, self._ring, self.pixel.channels is not None)
 
     @cached_property
     def paths(self) -> tuple[DerivedPath, ...]:
         """The decomposition of the bias by path; probabilities sum to 1, biases to the bias."""
         found = []
-        for number, path in enumerate(self._exploration.paths):
-            forms = [self._forms[c][number] for c in range(self._law.channels)]
-            bias = self._by_channel(lambda c, forms=forms: forms[c].mean(self._ring))
-            found.append(DerivedPath(tuple(path.decisions), forms[0].probability(self._ring), bias))
+        for path, *forms in zip(self._exploration.paths, *self._forms, strict=True):
+            bias = [self._finished(form.mean(self._ring)) for form in forms]
+            probability = self._finished(path.rows.probability(self._ring))
+            found.append(DerivedPath(tuple(path.decisions), probability, tuple(bias) if self._colour else bias[0]))
         return tuple(found)
 
     @cached_property
@@ -145,7 +140,17 @@ class Derivation:
             if set(pixel.values) != set(self.pixel.values):
                 raise InputError(f"weights for {list(weights)} are not weights for the values {list(self.pixel.values)}")
             return derive(self.plan, pixel, **self._exploration.params)
-        return _at_arrays(self, np.asarray(weights, dtype=float))
+        pixel = self.pixel
+        if pixel.regions:
+            raise InputError("the pixel has regions, so its weights don't say it all: derive it for each pixel")
+        array = _checked_weights(np.asarray(weights, dtype=float), len(pixel.values))
+        open_pixel = Pixel(dict.fromkeys(pixel.values, Fraction(1, len(pixel.values))))
+        e = self._exploration
+        exploration = Exploration(e.function, open_pixel, e.params, e.budget, e.lenient, weightless=True)
+        law = exploration.law_of(open_pixel)
+        place = {v if isinstance(v, tuple) else (v,): number for number, v in enumerate(pixel.values)}
+        ring = Batch(law, array[[place[v] for v in law.values]])
+        return Derivation(self.plan, open_pixel, ring, exploration, None)
 
     def __repr__(self) -> str:
         return f"<derivation of {self.plan.name} on {self.pixel!r}>"
@@ -153,49 +158,69 @@ class Derivation:
     # -- parts -------------------------------------------------------------------------------
 
     @property
-    def _law(self) -> Any:
+    def _law(self) -> Law:
         return self._exploration.law_of(self.pixel)
 
     @property
+    def _colour(self) -> bool:
+        return self.pixel.channels is not None
+
+    @property
+    def _truths(self) -> list[Any]:
+        return [self._finished(self._ring.mean(self._law, c)) for c in range(self._law.channels)]
+
+    @property
     def _forms(self) -> list[list[Form]]:
-        """By channel and path; made anew when a later result has sent the paths round again."""
-        paths = self._exploration.paths
-        if self._cache[0] is not paths:
-            channels = range(self._law.channels)
-            forms = self._exploration.prepared(lambda p: [self._form(p, c, order=1) for c in channels])
-            self._cache = (self._exploration.paths, [list(column) for column in zip(*forms, strict=True)])
-        return self._cache[1]
+        """The forms of the bias by channel and path; made anew when a finer need has sent the paths round again."""
+        if self._kept[0] is not self._exploration.paths:
+            forms = self._prepared(order=1)
+            self._kept = (self._exploration.paths, forms)
+        return self._kept[1]
 
-    _cache: tuple[list[Path], list[list[Form]]] = ([], [])
-
-    def _form(self, path: Path, channel: int, order: int) -> Form:
+    def _prepared(self, order: int) -> list[list[Form]]:
+        """Forms by channel and path, good for moments up to an order."""
         approximate = not isinstance(self._ring, Exact)
-        return prepare(path, path.result[channel], (self._law, channel), order, approximate)
 
-    def _slack(self, channel: int) -> Fraction:
-        return max(form.slack for form in self._forms[channel])
+        def forms(path: Path) -> list[Form]:
+            truths = [(self._law, channel) for channel in range(self._law.channels)]
+            return [prepare(path, path.result[t[1]], t, order, approximate) for t in truths]
 
-    def _truth(self, channel: int) -> Any:
-        return self._ring.mean(self._law, channel)
+        return [list(by_path) for by_path in zip(*self._exploration.prepared(forms), strict=True)]
 
-    def _total(self, terms: list[Any], slack: Fraction = Fraction(0)) -> Any:
+    def _total(self, terms: list[Any], forms: list[Form]) -> Any:
         total = self._ring.number(Fraction(0))
         for term in terms:
             total = total + term
-        if not isinstance(total, Approx):
-            return total
-        total = Approx(total.value, total.error + float(slack) * (1 + 1e-9)) if slack else total
-        return self._held(total)
+        slack = max((form.slack for form in forms), default=Fraction(0))
+        if slack and isinstance(total, Approx):
+            total = Approx(total.value, total.error + float(slack) * (1 + 1e-9))
+        return self._finished(total)
 
-    def _held(self, found: Approx) -> Approx:
-        return found
+    def _finished(self, value: Any) -> Any:
+        """A number of the ring as the caller gets it."""
+        return value.reshape(self._ring.shape) if isinstance(self._ring, Batch) else value
 
-    def _by_channel(self, function: Any) -> Any:
-        found = tuple(function(c) for c in range(self._law.channels))
-        return found if self.pixel.channels is not None else found[0]
+    def _result(self, name: str, by_channel: list[Any]) -> Any:
+        return self._held(name, tuple(by_channel) if self._colour else by_channel[0])
 
-    def _channel(self, value: Any, channel: int) -> Any:
-        return value[channel] if self.pixel.channels is not None else value
+    def _channels(self, value: Any) -> list[Any]:
+        return list(value) if self._colour else [value]
+
+    def _held(self, name: str, value: Any) -> Any:
+        """The value, or the exact one rounded where floats can't hold the relative tolerance asked for."""
+        rtol = self._rtol
+        if rtol is None or all(v.error <= rtol * abs(v.value) for v in (value if isinstance(value, tuple) else (value,))):
+            return value
+        exact = getattr(Derivation(self.plan, self.pixel, Exact(), self._exploration, None), name)
+        return tuple(map(rounded, exact)) if isinstance(exact, tuple) else rounded(exact)
+
+
+def _checked_weights(array: Any, k: int) -> Any:
+    if array.ndim < 1 or len(array) != k:
+        raise InputError(f"weights of shape {array.shape}: the first axis is the {k} values of the pixel")
+    if not (array >= 0).all() or not np.allclose(array.sum(axis=0), 1, rtol=0, atol=1e-9):
+        raise InputError("weights must be >= 0 and sum to 1 along the first axis, to 1e-9")
+    return array
 
 
 def derive(
@@ -232,6 +257,8 @@ def derive(
     if not isinstance(rows, int) or rows < 1:
         raise InputError(f"rows={rows!r}: give the largest number of rows allowed, or 'sampled'")
     exploration = Exploration(declared.function, X, declared.bind(params), rows, declared.undefined == "nan")
+    if rtol is not None and (arithmetic != "float64" or not rtol > 0):
+        raise InputError(f"rtol={rtol!r} is a positive relative tolerance for arithmetic='float64'")
     found = Derivation(declared, X, _RINGS[arithmetic](), exploration, rtol)
     _ = exploration.paths  # errors of the plan show here, not at the first result
     return found

@@ -8,7 +8,7 @@ from typing import Any
 
 from truemean.oracle.columns import Column, grouping, integers
 from truemean.oracle.evaluate import Evaluator, leaves
-from truemean.oracle.forms import keep_versions, linear
+from truemean.oracle.forms import keep_versions, linear, per_draw
 from truemean.oracle.paths import Exploration, Path
 from truemean.oracle.quantity import Quantity, constant
 from truemean.oracle.rings import Ring
@@ -34,7 +34,7 @@ def _observed(path: Path) -> tuple[Rows, list[list[Quantity]]]:
     rows, by_channel = path.rows, []
     for estimate in path.result:
         form = linear(estimate)
-        terms = [leaf * coefficient for leaf, coefficient in form.samples]
+        terms = [per_draw(leaf, coefficient) * Quantity("sum", *leaf.args) for leaf, coefficient in form.samples]
         terms += [constant(law.mean(c)) * coefficient for (law, c), coefficient in form.truths]
         by_channel.append([*terms, form.rest])
     keep_versions(path, list(path.result))

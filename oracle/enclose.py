@@ -125,7 +125,7 @@ _BALLS: dict[str, Callable[..., arb]] = {
     "abs": abs,
     "min": lambda a, b: a.min(b),
     "max": lambda a, b: a.max(b),
-    "sqrt": lambda a: a.sqrt(),
+    "sqrt": lambda a: a.sqrt() if a < 0 or a > 0 else a.nonnegative_part().sqrt(),
     "exp": lambda a: a.exp(),
     "log": lambda a: a.log(),
     "floor": lambda a: a.floor(),

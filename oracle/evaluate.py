@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from truemean.errors import UndefinedValue
+from truemean.errors import PlanError, UndefinedValue
 from truemean.oracle.columns import Bools, Column, NotRational, Surd
+from truemean.oracle.law import Law
 from truemean.oracle.quantity import Decision, Node, Quantity, text
 from truemean.oracle.rows import Block
 from truemean.oracle.statistics import Observed, flat, statistic
 
-__all__ = ["Evaluator", "leaves", "row_text"]
+__all__ = ["Evaluator", "check_closed", "leaves", "row_text"]
 
 Value = Column | Surd
 _HOLDS: dict[str, Callable[[Any], Any]] = {
@@ -86,6 +87,7 @@ class Evaluator:
         if op == "const":
             return Column.constant(args[0])
         if op == "true mean":
+            check_closed(args[0], "the true mean beside a sample or in a decision")
             return Column.constant(args[0].mean(args[1]))
         if op in ("stat", "mean", "sum"):
             return statistic(node, self._observed(node))
@@ -133,7 +135,7 @@ class Evaluator:
             return np.array([args[0]])
         if op == "flat":
             holds, undefined = flat(node, self._observed(node))
-            return self._decided(holds, undefined, node, otherwise=False)
+            return self._decided(holds, undefined, node, otherwise=args[5] == "!=")
         if op == "not":
             return ~self.holds(args[0])
         if op in ("and", "or"):
@@ -164,6 +166,12 @@ class Evaluator:
                 f"{text(node)} is undefined (0/0) where {row_text(self.block, row)}; give the statistic "
                 f"an undefined= value, guard it with np.where, or declare @plan(undefined='nan')"
             )
+
+
+def check_closed(law: Law, asked: str) -> None:
+    """Refuse what reads weights while these are left open."""
+    if law.open:
+        raise PlanError(f"the plan reads {asked}, so it has no result at other weights: derive it for each pixel")
 
 
 def row_text(block: Block, row: int) -> str:

@@ -7,6 +7,7 @@ sample that nobody looked at adds exactly zero to it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -20,7 +21,7 @@ from truemean.oracle.features import total
 from truemean.oracle.law import Law
 from truemean.oracle.observing import Replay
 from truemean.oracle.paths import Path
-from truemean.oracle.population import Sample, size_of
+from truemean.oracle.population import Sample
 from truemean.oracle.quantity import Decision, Node, Quantity, constant, quantity, text
 from truemean.oracle.rings import Batch, Ring
 from truemean.oracle.rows import Block, Entry, Rows, product
@@ -148,16 +149,11 @@ class Form:
         """``[P, E[value; path], E[value^2; path]]`` up to an order, in the ring's numbers."""
         found = [_part_moments(part, ring, order) for part in self.parts]
         others = [b for b in self.rows.blocks if not any(b is p.block for p in self.parts)]
-        return product([*found, *([_mass(b, ring)] + [_zero(ring)] * order for b in others)] or [_one(ring, order)])
+        return product([*found, *([b.mass(ring)] + [_zero(ring)] * order for b in others)])
 
     def mean(self, ring: Ring) -> Any:
         """E[value; path]; zero without any work where every part adds nothing."""
         return _zero(ring) if all(p.trivial for p in self.parts) else self.moments(ring, 1)[1]
-
-    def probability(self, ring: Ring) -> Any:
-        """The probability of the path."""
-        masses = [_mass(b, ring) for b in self.rows.blocks]
-        return product([[m] for m in masses] or [[_number(ring, Fraction(1))]])[0]
 
 
 @dataclass(slots=True)
@@ -170,11 +166,10 @@ class _Draft:
     unseen: list[tuple[Law, int, Quantity, Quantity]] = field(default_factory=list)
     truths: list[tuple[Truth, Quantity]] = field(default_factory=list)
     rest: list[Quantity] = field(default_factory=list)
+    checks: list[Quantity] = field(default_factory=list)
 
     def join(self, nodes: Iterable[Node], sample: Sample | None = None) -> None:
         """Bring what the nodes read, and a sample already observed, into one block."""
-        for node in nodes:
-            self.path.check_weights(node)
         asked = leaves(*nodes)
         self.rows, _ = self.path.observer.require(self.rows, asked)
         if sample is not None and asked:
@@ -218,7 +213,7 @@ def _drafted(path: Path, rows: Rows, form: Linear, order: int) -> _Draft:
         draft.join([factor, size])
     for _, coefficient in _added(draft.truths):
         draft.join([coefficient])
-    for node in draft.rest:
+    for node in (*draft.rest, *draft.checks):
         draft.join([node])
     return draft
 
@@ -240,33 +235,52 @@ def _draft_sample(draft: _Draft, terms: list[tuple[Quantity, Quantity]], order: 
         draft.join([leaf for leaf, _ in terms])
     column = terms[0][0].args[2]
     entries = draft.rows.entries_of(sample)
-    per_draw: list[tuple[tuple[int, int], Quantity]] = []
+    factors: list[tuple[tuple[int, int], Quantity]] = []
     if any(not e.table.has_moments(column) for e in entries):
         draft.path.observer.needs[sample.label].add(total(column))
         raise Replay(sample.label)
     for leaf, coefficient in terms:
         span = leaf.args[1]
         draft.path.observer.keep_versions(draft.rows, sample, [span])
-        size = quantity(size_of(sample, *span))
+        size = quantity(sample.size_of(*span))
         whole = coefficient if leaf.op == "mean" else _times(coefficient, size)
         draft.truths.append(((sample.law, column), whole))
-        per_draw.append((span, _over(coefficient, size) if leaf.op == "mean" else coefficient))
+        factors.append((span, per_draw(leaf, coefficient)))
+        if leaf.op == "mean" and least(size) < 1:
+            draft.checks.append(factors[-1][1])
     covered = entries[-1].last if entries else 0
     for e in entries:
-        draft.factors.append((sample, e.first, column, _sum(f for s, f in per_draw if s[0] <= e.first < s[1])))
+        draft.factors.append((sample, e.first, column, _sum(f for s, f in factors if s[0] <= e.first < s[1])))
     if order > 1:
         for number, segment in enumerate(sample.segments[covered:], covered):
-            factor = _sum(f for s, f in per_draw if s[0] <= number < s[1])
+            factor = _sum(f for s, f in factors if s[0] <= number < s[1])
             draft.unseen.append((sample.law, column, factor, quantity(segment.size)))
 
 
-def _over(a: Quantity, b: Quantity) -> Quantity:
-    """a / b, and 0 where a is 0: an empty sample may stand with coefficient 0."""
-    if a.op == b.op == "const":
-        return constant(a.args[0] / b.args[0]) if a.args[0] else ZERO
-    if a.op == "const":
-        return Quantity("/", a, b) if a.args[0] else ZERO
-    return Quantity("where", Decision("==", a, ZERO), ZERO, Quantity("/", a, b))
+def per_draw(leaf: Quantity, coefficient: Quantity) -> Quantity:
+    """The coefficient of each draw; 0 where that of the mean is: an empty sample may stand with coefficient 0."""
+    if leaf.op == "sum":
+        return coefficient
+    size = quantity(leaf.args[0].size_of(*leaf.args[1]))
+    if coefficient.op == "const":
+        if not coefficient.args[0]:
+            return ZERO
+        return constant(coefficient.args[0] / size.args[0]) if size.op == "const" else Quantity("/", coefficient, size)
+    return Quantity("where", Decision("==", coefficient, ZERO), ZERO, Quantity("/", coefficient, size))
+
+
+def least(node: Node) -> Fraction | float:
+    """A lower bound of a quantity that needs no rows."""
+    op, args = node.op, node.args
+    if op == "const":
+        return args[0]  # type: ignore[no-any-return]
+    if op in ("where", "min", "max", "+"):
+        parts = [least(a) for a in args[-2:]]
+        return {"where": min, "min": min, "max": max, "+": lambda p: p[0] + p[1]}[op](parts)
+    if op in ("floor", "ceil", "round"):
+        inner = least(args[0])
+        return inner if inner == -math.inf else math.floor(inner)
+    return 0 if op == "stat" and args[2] == "size" else -math.inf
 
 
 def _sum(nodes: Iterable[Quantity]) -> Quantity:
@@ -325,6 +339,8 @@ def _finished(draft: _Draft, approximate: bool) -> Form:
     for truth, coefficient in _added(draft.truths):
         place, evaluator = home([coefficient])
         place["truths"].append((truth, column(evaluator, coefficient)))
+    for node in draft.checks:
+        column(home([node])[1], node)
     for node in draft.rest:
         place, evaluator = home([node])
         place["rest"].append(column(evaluator, node))
@@ -376,9 +392,9 @@ def _spread(part: Part) -> Column:
 
 
 def _constant_moments(part: Part, ring: Ring, order: int) -> list[Any]:
-    one = _number(ring, Fraction(1))
+    one = ring.number(Fraction(1))
     if isinstance(ring, Batch):
-        shift = _number(ring, part.rest.fractions()[0])
+        shift = ring.number(part.rest.fractions()[0])
         for (law, column), coefficient in part.truths:
             shift = shift + float(coefficient.fractions()[0]) * ring.mean(law, column)
         spread = _zero(ring)
@@ -386,7 +402,7 @@ def _constant_moments(part: Part, ring: Ring, order: int) -> list[Any]:
             spread = spread + float((u.factor * u.factor * u.size).fractions()[0]) * ring.variance(u.law, u.column)
         return [one, shift, shift * shift + spread][: order + 1]
     shift, spread = _shift(part).fractions()[0], _spread(part).fractions()[0]
-    return [one, _number(ring, shift), _number(ring, shift * shift + spread)][: order + 1]
+    return [one, ring.number(shift), ring.number(shift * shift + spread)][: order + 1]
 
 
 def _weighed(part: Part, ring: Ring, order: int) -> list[Any]:
@@ -449,17 +465,5 @@ def _spread_vector(part: Part, ring: Ring, rows: int) -> Any:
     return spread
 
 
-def _mass(block: Block, ring: Ring) -> Any:
-    return _part_moments(Part(block, (), (), (), Column.constant(0)), ring, 0)[0]
-
-
-def _number(ring: Ring, value: Fraction) -> Any:
-    return ring.number(value)
-
-
 def _zero(ring: Ring) -> Any:
     return ring.number(Fraction(0))
-
-
-def _one(ring: Ring, order: int) -> list[Any]:
-    return [ring.number(Fraction(1))] + [_zero(ring)] * order

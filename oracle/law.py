@@ -21,15 +21,28 @@ __all__ = ["Lattice", "Law", "SubLaw"]
 Atom = tuple[Fraction, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Lattice:
-    """One column of the atoms as ``base + step * e``, with its mean and variance under the law."""
+    """One column of the atoms as ``base + step * e``, with its moments under the law."""
 
     base: Fraction
     step: Fraction
     e: Ints
-    mean: Fraction
-    variance: Fraction
+    masses: tuple[int, ...]
+
+    @cached_property
+    def mean(self) -> Fraction:
+        """base + step E[e]."""
+        return self.base + self.step * Fraction(self._moment(1), sum(self.masses))
+
+    @cached_property
+    def variance(self) -> Fraction:
+        """step^2 (E[e^2] - E[e]^2), in integers."""
+        unit, first = sum(self.masses), self._moment(1)
+        return self.step**2 * Fraction(unit * self._moment(2) - first * first, unit * unit)
+
+    def _moment(self, order: int) -> int:
+        return sum(mass * e**order for mass, e in zip(self.masses, self.e.tolist(), strict=True))
 
 
 class Law:
@@ -46,12 +59,15 @@ class Law:
         cost: Fraction = Fraction(1),
         oracle_calls: Fraction = Fraction(0),
     ) -> None:
-        pairs = sorted((atom, weight) for atom, weight in zip(atoms, weights, strict=True) if weight)
+        unit = math.lcm(*(v.denominator for atom in atoms for v in atom))
+        pairs = [(atom, weight) for atom, weight in zip(atoms, weights, strict=True) if weight]
+        pairs.sort(key=lambda pair: [v.numerator * (unit // v.denominator) for v in pair[0]])
         self.name, self.cost, self.oracle_calls = name, cost, oracle_calls
         self.weights: tuple[Fraction, ...] = tuple(weight for _, weight in pairs)
         self.values: tuple[Atom, ...] = tuple(atom for atom, _ in pairs)
         self.channels = len(self.values[0])
         self.ratios: dict[Atom, Fraction] | None = None  # density ratios of a proposal
+        self.open = False  # whether the weights only stand for others, to be given later
         self._lattices = [self._read_lattice(list(column)) for column in zip(*self.values, strict=True)]
 
     @property
@@ -95,20 +111,19 @@ class Law:
         return len(self._lattices) - 1
 
     def _read_lattice(self, values: list[Fraction]) -> Lattice:
-        base = min(values)
         unit = math.lcm(*(v.denominator for v in values))
-        scaled = [int((v - base) * unit) for v in values]
-        step = math.gcd(*scaled) or 1
-        mean = sum((w * v for w, v in zip(self.weights, values, strict=True)), Fraction(0))
-        variance = sum((w * (v - mean) ** 2 for w, v in zip(self.weights, values, strict=True)), Fraction(0))
-        return Lattice(base, Fraction(step, unit), integers(s // step for s in scaled), mean, variance)
+        numbers = [v.numerator * (unit // v.denominator) for v in values]
+        base = min(numbers)
+        step = math.gcd(*(n - base for n in numbers)) or 1
+        e = integers((n - base) // step for n in numbers)
+        return Lattice(Fraction(base, unit), Fraction(step, unit), e, tuple(self.masses))
 
 
 class SubLaw(Law):
     """The law of a sub-estimate: mean, variance and cost as derived, its atoms only if somebody looks."""
 
     def __init__(self, name: str, derivation: Any) -> None:
-        self.name, self.ratios = name, None
+        self.name, self.ratios, self.open = name, None, False
         self.channels = derivation.pixel.channels or 1
         self._derivation = derivation
         self._colour = derivation.pixel.channels is not None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from truemean.errors import InputError, PlanError
+from truemean.errors import InputError, PlanError, UndefinedValue
 from truemean.oracle.columns import Ints
 from truemean.oracle.evaluate import Evaluator
 from truemean.oracle.features import Level
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["Loop", "Stopped"]
 
 _DIRECT = 1 << 23
+_BLOCK = 100_000
 
 
 class Stopped(MonomialTable):
@@ -94,10 +95,14 @@ class Loop:
         grid = _Grid(self.law.k, self.parts, self.most)
         keys, orders = np.zeros(1, dtype=np.int64), np.array([1], dtype=object)
         counts, found = [], []
+        ahead: dict[int, tuple[Ints, Ints]] = {}
         rows = 0
         for n in range(self.most + 1):
-            if n >= self.start and ((n - self.start) % self.step == 0 or n == self.most):
-                stopped = self._stopped(grid.counts(keys, n), n)
+            if n == self.most or self._asks(n):
+                if n not in ahead:
+                    ahead = self._look_ahead(grid, keys, n)
+                known, stops = ahead[n]
+                stopped = stops[np.searchsorted(known, keys)]
                 counts.append(grid.counts(keys[stopped], n))
                 found.append(orders[stopped])
                 keys, orders = keys[~stopped], orders[~stopped]
@@ -111,10 +116,34 @@ class Loop:
         total = sum(rest, first)
         return [Stopped(self.law, first, all_orders, total), *(Stopped(self.law, r, one, zero) for r in rest)]
 
-    def _stopped(self, counts: Ints, n: int) -> Any:
-        """Where the sample stops at size n; at ``most`` everywhere."""
-        if n == self.most or not len(counts):
-            return np.ones(len(counts), dtype=bool)
+    def _asks(self, n: int) -> bool:
+        return self.start <= n < self.most and (n - self.start) % self.step == 0
+
+    def _look_ahead(self, grid: _Grid, keys: Ints, n: int) -> dict[int, tuple[Ints, Ints]]:
+        """Decide for all states that the next sizes could have: many sizes in one evaluation.
+
+        States that would have stopped before are among them; should one of these be undefined,
+        only the states that are really there are asked.
+        """
+        if n == self.most:
+            return {n: (keys, np.ones(len(keys), dtype=bool))}
+        ahead = {n: keys}
+        later, size, total = keys, n, len(keys)
+        while total < _BLOCK and size + 1 < self.most:
+            later = grid.keys_grown(later, size)
+            size += 1
+            if self._asks(size):
+                ahead[size] = later
+                total += len(later)
+        try:
+            stops = self._stops(np.concatenate([grid.counts(states, at) for at, states in ahead.items()]))
+        except UndefinedValue:
+            ahead = {n: keys}
+            stops = self._stops(grid.counts(keys, n))
+        parts = np.split(stops, np.cumsum([len(states) for states in ahead.values()])[:-1])
+        return {at: (states, stop) for (at, states), stop in zip(ahead.items(), parts, strict=True)}
+
+    def _stops(self, counts: Ints) -> Any:
         parts = np.split(counts, self.parts, axis=1)
         one, zero = np.ones(len(counts), dtype=object), np.zeros_like(parts[0])
         index = np.arange(len(counts))
@@ -156,12 +185,17 @@ class _Grid:
             found[:, (part + 1) * self.k - 1] = size - mine.sum(axis=1)
         return found
 
+    def _shifts(self, n: int) -> list[int]:
+        first = (n % self.parts) * (self.k - 1)
+        return [0, *(self.base ** (first + i) for i in range(self.k - 1))]
+
+    def keys_grown(self, keys: Ints, n: int) -> Ints:
+        """The states that one draw more can lead to."""
+        return _united([keys + shift for shift in self._shifts(n)], self.base**self.free)[0]
+
     def grown(self, keys: Ints, orders: Ints, n: int) -> tuple[Ints, Ints]:
         """One draw more: every atom, in the part whose turn it is; equal counts add up."""
-        first = (n % self.parts) * (self.k - 1)
-        shifts = [0, *(self.base ** (first + i) for i in range(self.k - 1))]
-        moved = [keys + shift for shift in shifts]
-        grown, places = _united(moved, self.base**self.free)
+        grown, places = _united([keys + shift for shift in self._shifts(n)], self.base**self.free)
         found = np.zeros(len(grown), dtype=object)
         for place in places:
             found[place] += orders

@@ -15,7 +15,7 @@ from truemean.errors import PlanError
 from truemean.oracle.columns import Column, Ints
 from truemean.oracle.evaluate import Evaluator, leaves
 from truemean.oracle.features import Level, gives, level
-from truemean.oracle.population import Sample, size_of
+from truemean.oracle.population import Sample
 from truemean.oracle.quantity import Node, Quantity, text
 from truemean.oracle.rows import Block, Entry, Rows, StackedTable
 from truemean.oracle.statistics import features_of
@@ -104,7 +104,7 @@ class Observer:
 
     def _attach(self, rows: Rows, sample: Sample, first: int, last: int, why: Node | None) -> Rows:
         """Bring segments of a sample into the rows, as a table of their total size."""
-        size, tables, wanted = size_of(sample, first, last), sample.segments[first].tables, self.level_of(sample)
+        size, tables, wanted = sample.size_of(first, last), sample.segments[first].tables, self.level_of(sample)
         if sample.chances is not None:
             return self._attach_choice(rows, sample, tables(1, wanted))
         if isinstance(size, int):

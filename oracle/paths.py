@@ -17,21 +17,22 @@ from typing import Any
 import numpy as np
 
 from truemean.errors import InputError, NotDeterministic, PlanError, RowBudgetExceeded, TruemeanError
-from truemean.oracle.evaluate import Evaluator, leaves
+from truemean.oracle.evaluate import Evaluator, check_closed, leaves
 from truemean.oracle.exact import exact_number
 from truemean.oracle.features import Level
 from truemean.oracle.law import Law, SubLaw
 from truemean.oracle.pixel import Pixel
-from truemean.oracle.population import Population, Sample, Segment, size_of
+from truemean.oracle.population import Population, Sample, Segment
 from truemean.oracle.quantity import CURRENT, Decision, Node, Quantity, Vector, constant, quantity, text
 from truemean.oracle.observing import Observer, Replay
+from truemean.oracle.rings import Exact, Float64
 from truemean.oracle.rows import Block, Rows
 from truemean.oracle.tables import Table, power, rows_of
 
 __all__ = ["Exploration", "Path"]
 
 _VERIFIED_DECISIONS = 20_000
-_MOST_DECISIONS = 100_000
+_MOST_DECISIONS = 1_200
 _MOST_VALUES = 64
 
 
@@ -72,6 +73,7 @@ class Exploration:
         self.function, self.pixel, self.params = function, pixel, params
         self.budget, self.lenient, self.weightless = budget, lenient, weightless
         self.laws: dict[Any, Law] = parent.laws if parent else {}
+        self.pixels: dict[int, tuple[Pixel, Law]] = parent.pixels if parent else {}
         self.tables: dict[Any, Any] = parent.tables if parent else {}
         self.subplans: dict[Any, SubLaw] = parent.subplans if parent else {}
         self.observer = Observer(self.tables, self.check_budget, lenient)
@@ -136,10 +138,14 @@ class Exploration:
 
     def law_of(self, pixel: Pixel) -> Law:
         """The law of a pixel; equal pixels share it."""
-        key = (pixel.values, pixel.weights)
-        if key not in self.laws:
-            self.laws[key] = Law([v if isinstance(v, tuple) else (v,) for v in pixel.values], pixel.weights)
-        return self.laws[key]
+        known = self.pixels.get(id(pixel))
+        if known is None:
+            key = (pixel.values, pixel.weights)
+            if key not in self.laws:
+                self.laws[key] = Law([v if isinstance(v, tuple) else (v,) for v in pixel.values], pixel.weights)
+                self.laws[key].open = self.weightless
+            known = self.pixels[id(pixel)] = (pixel, self.laws[key])
+        return known[1]
 
 
 class Path:
@@ -172,11 +178,13 @@ class Path:
         except RecursionError:
             raise PlanError("the plan calls itself without end: give the recursion a case that stops") from None
         except Exception as error:
-            error.add_note(f"in a plan, on the path: {self.text() or 'before any decision'}")
+            chance = self.rows.probability(Exact())
+            error.add_note(f"in a plan, on the path with probability {chance}: {self.text() or 'no decision yet'}")
             raise
         finally:
             CURRENT.reset(token)
         self.result = _estimate(estimate, self.exploration.pixel)
+        self._check_own(*self.result)
 
     def verify(self) -> None:
         """Run once more by recorded answers only: the same estimate must come back."""
@@ -225,7 +233,11 @@ class Path:
             side = self._fork(decision)
         self.taken.append((point, side))
         if len(self.taken) > _MOST_DECISIONS:
-            raise PlanError(f"more than {_MOST_DECISIONS:,} decisions on one path: bound the loop, or use X.draw_until")
+            alive = self.rows.probability(Float64()).value
+            raise PlanError(
+                f"more than {_MOST_DECISIONS:,} decisions on one path, with probability {alive:.3g} still alive: "
+                f"bound the loop, or use X.draw_until"
+            )
         if side not in point.sides:
             point.sides[side] = Point((*point.prefix, side))
         self._point, self._ordinal = point.sides[side], 0
@@ -242,7 +254,7 @@ class Path:
         return side
 
     def _split(self, decision: Decision) -> tuple[Rows | None, Rows | None]:
-        self.check_weights(decision)
+        self._check_own(decision)
         rows, block = self.observer.require(self.rows, leaves(decision), decision)
         return rows.split(block, Evaluator(block, self.exploration.lenient).holds(decision))
 
@@ -274,6 +286,11 @@ class Path:
         if CURRENT.get() is not self:
             raise PlanError(f"{sample.name} was drawn in an earlier run of the plan: don't keep samples outside it")
 
+    def _check_own(self, *nodes: Node) -> None:
+        for leaf in leaves(*nodes):
+            if leaf.args[0].path is not self:
+                raise PlanError(f"{leaf!r} is of an earlier run of the plan: don't keep samples or quantities outside it")
+
     def segment(self, law: Law, n: Any, least: int) -> Segment:
         """Some draws: their number checked, or a quantity kept for later."""
         asked = f"a draw of {law.name}"
@@ -285,6 +302,8 @@ class Path:
 
     def sample(self, law: Law, segments: list[Segment], colour: bool, name: str | None = None) -> Sample:
         """A new sample, known by its place in the tree of paths."""
+        if CURRENT.get() is not self:
+            raise PlanError(f"a draw of {law.name} outside the run of the plan (or inside a stop rule): draw in the plan")
         label = (self._point, self._ordinal)
         self._ordinal += 1
         number = 1 + sum(1 for s in self.samples if s.law.cost and not isinstance(s.law, SubLaw))
@@ -328,6 +347,7 @@ class Path:
         """A sample of size 1 from the law of another plan's estimate."""
         from truemean.oracle.derivation import sub_law
 
+        check_closed(law, f"a sub-estimate of {name}")
         fixed = {k: self.enumerate(v, whole=False) if isinstance(v, Quantity) else v for k, v in params.items()}
         sub = sub_law(self.exploration, plan, pixel, fixed)
         return self.sample(sub, [self.segment(sub, 1, 1)], sub.channels > 1 or bool(pixel.channels), sub.name)
@@ -378,27 +398,13 @@ class Path:
         total = constant(self.draws)
         for sample in self.samples:
             if sample.law.cost:
-                total = total + sample.law.cost * quantity(size_of(sample, 0, len(sample.segments)))
+                total = total + sample.law.cost * quantity(sample.size)
         return total
 
     @property
     def calls(self) -> Fraction:
         """Oracle calls on this path, those of sub-estimates at their mean."""
         return self.oracle_calls + sum((s.law.oracle_calls for s in self.samples), Fraction(0))
-
-    def note_weights(self, asked: str) -> None:
-        """Refuse what has no meaning while weights are left open."""
-        if self.exploration.weightless:
-            raise PlanError(f"the plan reads {asked}, so it has no result at other weights: derive it for each pixel")
-
-    def check_weights(self, node: Node) -> None:
-        """Refuse a true mean outside the linear part of an estimate while weights are left open."""
-        if self.exploration.weightless and _reads_truth(node):
-            self.note_weights(f"the true mean in {text(node)}")
-
-
-def _reads_truth(node: Node) -> bool:
-    return node.op == "true mean" or any(_reads_truth(a) for a in node.args if isinstance(a, Node))
 
 
 def _constant(node: Quantity) -> Fraction | None:
@@ -408,6 +414,8 @@ def _constant(node: Quantity) -> Fraction | None:
 
 
 def _size(n: Any, least: int) -> int | Quantity:
+    if type(n) is int and n >= least:
+        return n
     if isinstance(n, Quantity):
         fixed = _constant(n)
         if fixed is None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from truemean.errors import InputTypeError, PlanError, UnknownName
+from truemean.oracle.evaluate import check_closed
 from truemean.oracle.exact import exact_number
 from truemean.oracle.features import Level
 from truemean.oracle.law import Law, SubLaw
@@ -45,17 +46,21 @@ class Sample:
     Where values are colours every statistic is a vector by channel.
     """
 
-    __slots__ = ("chances", "colour", "label", "law", "loop", "name", "path", "segments", "span")
+    __slots__ = ("_ends", "chances", "colour", "label", "law", "loop", "name", "path", "segments", "span")
 
     def __init__(self, path: Path, law: Law, label: Any, name: str, segments: list[Segment], colour: bool) -> None:
         self.path, self.law, self.label, self.name, self.colour = path, law, label, name, colour
         self.segments = segments
+        self._ends: list[Size] = [0]
         self.span: tuple[int, int] | None = None
         self.chances: list[Quantity] | None = None  # of a choice whose probabilities depend on the row
         self.loop: Loop | None = None
 
     def __hash__(self) -> int:
         return hash((self.label, self.span))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sample) and self.label == other.label and self.span == other.span
 
     def __repr__(self) -> str:
         return self.name
@@ -65,8 +70,14 @@ class Sample:
     @property
     def size(self) -> Size:
         """The number of draws: an int, or a quantity where it depends on the row."""
-        first, last = self._now()
-        return size_of(self, first, last)
+        return self.size_of(*self._now())
+
+    def size_of(self, first: int, last: int) -> Size:
+        """The number of draws in some segments."""
+        ends = self._ends
+        while len(ends) <= last:
+            ends.append(ends[-1] + self.segments[len(ends) - 1].size)
+        return ends[last] if not first else ends[last] - ends[first]
 
     def more(self, m: Any) -> Sample:
         """Draw ``m`` more (an int or a quantity, 0 allowed); returns the sample itself."""
@@ -159,8 +170,10 @@ class Sample:
 
     # -- what the engine asks ----------------------------------------------------------------
 
-    def flat_test(self, leaf: Quantity, equal: str) -> Decision | None:
-        """The decision "all equal" if the statistic is zero exactly then, else None."""
+    def flat_test(self, leaf: Quantity, comparison: str) -> Decision | None:
+        """The comparison with 0 as a test for equal draws, if the statistic is zero exactly then."""
+        if comparison not in ("<=", "==", ">", "!="):
+            return None
         _, span, name, column, option = leaf.args
         smallest = min(self.law.column(column))
         if name == "contrast" and not (smallest > 0 or (option == 0 and smallest == 0)):
@@ -168,14 +181,14 @@ class Sample:
         if name not in ("range", "contrast", "variance", "std_error", "deviations") or option not in (None, 0):
             return None
         least = 2 if option is None and name in ("variance", "std_error") else 0
-        return Decision("flat", self, span, column if self.colour else None, least, name, equal)
+        return Decision("flat", self, span, column if self.colour else None, least, name, comparison)
 
     def describe(self, node: Any) -> str:
         """A statistic in words, such as ``range(S1)``."""
         sample, span = node.args[:2]
-        equal = ""
+        comparison = ""
         if node.op == "flat":
-            column, name, equal = node.args[2], node.args[4], node.args[5]
+            column, name, comparison = node.args[2], node.args[4], node.args[5]
         elif node.op == "stat":
             name, column = node.args[2], node.args[3] if self.colour else None
         else:
@@ -188,7 +201,7 @@ class Sample:
         if name == "custom":
             name = node.args[4].name
         words = f"{name}({sample.name}{older})" + ("" if column is None else f"[{column}]")
-        return f"{words} {equal} 0" if equal else words
+        return f"{words} {comparison} 0" if comparison else words
 
     def part(self, first: int, last: int, name: str) -> Sample:
         """A view of some segments only."""
@@ -239,7 +252,7 @@ class Population:
     @property
     def weights(self) -> tuple[Fraction, ...]:
         """omega_1..omega_k, exact; a plan that reads them has no result at other weights."""
-        self._path.note_weights("X.weights")
+        check_closed(self._law, "X.weights")
         return self._pixel.weights
 
     @property
@@ -252,7 +265,7 @@ class Population:
     @property
     def variance(self) -> Any:
         """The variance of the population, exact."""
-        self._path.note_weights("X.variance")
+        check_closed(self._law, "X.variance")
         return self._pixel.variance
 
     @property
@@ -357,15 +370,9 @@ class _Function:
         return hash((getattr(self.function, "__code__", self.function), self.ordered))
 
 
-def size_of(sample: Sample, first: int, last: int) -> Size:
-    """The number of draws in some segments."""
-    sizes = [segment.size for segment in sample.segments[first:last]]
-    return sum(sizes[1:], sizes[0]) if sizes else 0
-
-
 def text_span(sample: Sample, span: tuple[int, int]) -> str:
     """How much of a sample a statistic speaks of, in words."""
-    size = size_of(sample, *span)
+    size = sample.size_of(*span)
     return f"n = {size}" if isinstance(size, int) else f"stage {span[1]}"
 
 

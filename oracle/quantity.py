@@ -51,7 +51,9 @@ class Node:
 
 def _distinct(argument: Any) -> Any:
     """Python hashes -1 and -2 alike; a key must not."""
-    return ("-", -argument) if isinstance(argument, Fraction) and argument < 0 else argument
+    if type(argument) is not Fraction:
+        return argument
+    return 2 * argument.numerator + 1, argument.denominator
 
 
 class Quantity(Node):
@@ -141,7 +143,7 @@ class Quantity(Node):
     # -- what Python would make a single number of --------------------------------------------
 
     def __int__(self) -> int:
-        return _path(f"int({self!r})").enumerate(self)
+        return _path(self).enumerate(self)
 
     __index__ = __int__
 
@@ -171,7 +173,7 @@ class Decision(Node):
     __slots__ = ()
 
     def __bool__(self) -> bool:
-        return _path(f"the decision {self!r}").decide(self)
+        return _path(self).decide(self)
 
     def __and__(self, other: Any) -> Decision:
         return Decision("and", self, decision(other))
@@ -248,15 +250,21 @@ class Vector:
 
     def all(self) -> Decision:
         """Holds where every channel holds."""
-        flats = [p for p in self.parts if p.op == "flat"]
-        if len(flats) == len(self.parts) and len({(p.args[0].label, p.args[1]) for p in flats}) == 1:
-            sample, span, _, *words = flats[0].args
-            return Decision("flat", sample, span, None, *words)
-        return self._fold("and")
+        flat = self._flat("<=", "==")
+        return self._fold("and") if flat is None else flat
 
     def any(self) -> Decision:
         """Holds where some channel holds."""
-        return self._fold("or")
+        flat = self._flat(">", "!=")
+        return self._fold("or") if flat is None else flat
+
+    def _flat(self, *comparisons: str) -> Decision | None:
+        """All channels of one sample are constant exactly if its values are."""
+        tests = [p.args for p in self.parts if p.op == "flat" and p.args[5] in comparisons]
+        if len(tests) < len(self.parts) or len({(args[0], args[1]) for args in tests}) > 1:
+            return None
+        sample, span, _, *words = tests[0]
+        return Decision("flat", sample, span, None, *words)
 
     def _fold(self, op: str) -> Decision:
         folded = decision(self.parts[0])
@@ -301,6 +309,8 @@ def quantity(value: Any) -> Quantity:
     """``value`` as a node: quantities stay, decisions become 0/1, numbers become exact constants."""
     if isinstance(value, Quantity):
         return value
+    if type(value) is int or type(value) is Fraction:
+        return constant(value)
     if isinstance(value, Decision):
         return value.indicator()
     if isinstance(value, Number | str | np.generic) or hasattr(value, "numerator"):
@@ -310,7 +320,7 @@ def quantity(value: Any) -> Quantity:
 
 def constant(value: Fraction | int) -> Quantity:
     """A node for an exact number."""
-    return Quantity("const", Fraction(value))
+    return Quantity("const", value if type(value) is Fraction else Fraction(value))
 
 
 def decision(value: Any) -> Decision:
@@ -337,10 +347,10 @@ def _numpy() -> Any:
     return ufuncs
 
 
-def _path(asked: str) -> Deciding:
+def _path(asked: Node) -> Deciding:
     current = CURRENT.get()
     if current is None:
-        raise PlanError(f"{asked} can only be taken while a plan runs: use derive(plan, X) or simulate(plan, X)")
+        raise PlanError(f"the decision {asked!r} can only be taken while a plan runs: use derive(plan, X) or simulate(plan, X)")
     return current
 
 
@@ -359,10 +369,9 @@ def _compare(op: str, left: Any, right: Any) -> Any:
         return NotImplemented
     right = quantity(right)
     if _is_zero(right) and left.op == "stat":
-        equal = "<=" if op in ("<=", ">") else "=="
-        flat = left.args[0].flat_test(left, equal)
-        if flat is not None and op in ("<=", "==", ">", "!="):
-            return flat if op == equal else ~flat
+        flat = left.args[0].flat_test(left, op)
+        if flat is not None:
+            return flat
     return Decision(op, left, right)
 
 

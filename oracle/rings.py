@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from truemean.oracle.columns import Column, Ints, largest
 from truemean.oracle.law import Law
 
-__all__ = ["Approx", "Batch", "Exact", "Float64", "Ring", "Vector"]
+__all__ = ["Approx", "Batch", "Exact", "Float64", "Ring", "Vector", "rounded"]
 
 Floats = NDArray[np.float64]
 _U = 2.0**-53
@@ -207,7 +207,7 @@ class Approx:
 
     def __add__(self, other: Approx | int) -> Approx:
         if isinstance(other, int):
-            other = _rounded(Fraction(other))
+            other = rounded(Fraction(other))
         value = self.value + other.value
         return Approx(value, (self.error + other.error + _U * abs(value)) * _UP)
 
@@ -232,7 +232,8 @@ class Approx:
         return Approx(value, (error + _U * abs(value)) * _UP + _TINY)
 
 
-def _rounded(value: Fraction) -> Approx:
+def rounded(value: Fraction) -> Approx:
+    """The float nearest to an exact number, with a bound of the distance."""
     try:
         nearest = value.numerator / value.denominator
     except OverflowError:
@@ -298,10 +299,10 @@ class Float64:
         return round_integers(Exact().subset_sums(law, column, power, subsets))
 
     def mean(self, law: Law, column: int) -> Approx:
-        return _rounded(law.mean(column))
+        return rounded(law.mean(column))
 
     def number(self, value: Fraction) -> Approx:
-        return _rounded(value)
+        return rounded(value)
 
     def vector(self, column: Column) -> Bounded:
         return _floats(column)
@@ -367,11 +368,11 @@ class Plane:
 
 
 class Batch:
-    """Many pixels of the same values at once: ``weights [k, pixels]`` in the order of the law's atoms."""
+    """Many pixels of the same values at once: ``weights [k, ...]`` in the order of the law's atoms."""
 
     def __init__(self, law: Law, weights: Floats) -> None:
-        self.law = law
-        self.array = weights
+        self.law, self.shape = law, weights.shape[1:]
+        self.array = weights.reshape(len(weights), -1)
 
     def _weights(self, law: Law) -> Floats:
         """The open weights for the pixel's own law, the fixed ones for any other."""

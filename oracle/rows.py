@@ -8,6 +8,7 @@ of which table each joint row means. Rows are values: every operation gives new 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,16 @@ class Block:
         """What is known of one sample, in the order of its segments."""
         return sorted((e for e in self.entries if e.sample.label == sample.label), key=lambda e: e.first)
 
+    def mass(self, ring: Ring) -> Any:
+        """The probability of the whole block."""
+        if not self.entries:
+            return ring.number(Fraction(1))
+        if len(self.entries) == 1 and self.factor is None:
+            (entry,) = self.entries
+            return entry.table.weigh(ring, 0, 0, Column.constant(1), entry.index)
+        (mass,) = product([[e.table.moment(ring, 0, 0)[e.index]] for e in self.entries])
+        return (mass if self.factor is None else mass.scale(self.factor)).sum()
+
     def beside(self, other: Block) -> Block:
         """All pairs of joint rows of two independent blocks."""
         left = self.select(np.repeat(np.arange(self.size), other.size))
@@ -88,6 +99,13 @@ class Rows:
     """The independent blocks of a path."""
 
     blocks: tuple[Block, ...] = ()
+
+    def probability(self, ring: Ring) -> Any:
+        """The probability of the path that these rows are of."""
+        total = ring.number(Fraction(1))
+        for block in self.blocks:
+            total = total * block.mass(ring)
+        return total
 
     def of(self, sample: Any) -> Block | None:
         """The block that a sample is in, None while it is unseen."""

@@ -74,14 +74,14 @@ def statistic(leaf: Node, seen: Observed) -> Column | Surd:
 
 
 def flat(leaf: Node, seen: Observed) -> tuple[Any, Any]:
-    """``(holds, undefined)`` of the decision that all draws are equal (in one channel, or altogether)."""
-    _, _, column, least, *_ = leaf.args
+    """``(holds, undefined)`` of the test for equal draws, in one channel or altogether."""
+    _, _, column, least, _, comparison = leaf.args
     if column is None:
         holds = seen.state("flat") != -1
     else:
         low, high = _ends(seen, column)
         holds = low >= high
-    return holds, seen.sizes < least
+    return (~holds if comparison in (">", "!=") else holds), seen.sizes < least
 
 
 def _declared(value: Column | Surd, policy: Fraction) -> Column | Surd:

@@ -38,7 +38,7 @@ CHAPTERS: tuple[tuple[str, Callable[[], Section], float], ...] = (
     ("plans on the standard pixels", plans.section, 5),
     ("speed against accuracy", speed.section, 3),
 )
-JUDGING = 8  # seconds for a subject, about; the chapters above have theirs beside them
+JUDGING, WRITING = 8, 2  # seconds for a subject and for the files, about; the chapters have theirs beside them
 
 Progress = Callable[[str, float], None]
 
@@ -73,46 +73,57 @@ def build(
     it; ``command`` and ``seed`` are how to replay; ``progress(text, fraction)`` is called often.
     """
     start = time.monotonic()
-    tell = progress or (lambda text, fraction: None)
-    total = sum(seconds for _, _, seconds in CHAPTERS) + JUDGING * len(subjects)
-    # The chapters that need no runs.
+    tell = _rising(progress or (lambda text, fraction: None))
+    total = sum(seconds for _, _, seconds in CHAPTERS) + JUDGING * len(subjects) + WRITING
     done, sections = 0.0, []
     for text, chapter, seconds in CHAPTERS:
         tell(text, done / total)
         sections.append(chapter())
         done += seconds
-    # The verdicts come first on the page.
     reports = verdicts.judge_all(subjects, TOLERANCE, seed, lambda text, n: tell(text, (done + JUDGING * n) / total))
-    sections.insert(0, verdicts.section(reports, TOLERANCE))
-    made = {"command": command, "seed": seed, "commit": commit(), "versions": _all_versions(reports)}
-    headline = verdicts.headline(reports, TOLERANCE)
-    sections.append(_replay(made, skipped))
-    tell("writing", done / total)
-    document = Document(
-        "truemean: the reference report",
-        headline,
-        tuple((name, str(report.verdict)) for name, report in reports.items()),
-        tuple(sections),
-        f"Made on {datetime.now(UTC):%Y-%m-%d} in {time.monotonic() - start:.0f} s.",
-    )
+    tell("writing the files", 1 - WRITING / total)
     data = {
         "schema": SCHEMA,
-        "headline": headline,
+        "headline": verdicts.headline(reports, TOLERANCE),
         "tolerance": TOLERANCE,
         "verdicts": {name: str(report.verdict) for name, report in reports.items()},
-        "skipped": dict(skipped),
-        **made,
-        "sections": {section.name: section.data for section in sections if section.data},
+        "skipped": dict(skipped) | {name: "interrupted before its turn" for name in subjects if name not in reports},
+        "command": command,
+        "seed": seed,
+        "commit": commit(),
+        "versions": _all_versions(reports),
     }
+    sections = [verdicts.section(reports, TOLERANCE), *sections, _replay(data)]
+    data["sections"] = {section.name: section.data for section in sections if section.data}
+    made = f"Made on {datetime.now(UTC):%Y-%m-%d} in {time.monotonic() - start:.0f} s."
+    document = Document(
+        "truemean: the reference report", data["headline"], tuple(data["verdicts"].items()), tuple(sections), made
+    )
+    _write(Path(out), document, data)
+    tell("done", 1.0)
+    return data
+
+
+def _write(out: Path, document: Document, data: Mapping[str, Any]) -> None:
     files = {
         "report.html": document.html(),
         "report.md": document.markdown(),
         "report.json": json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False),
     }
     for name, content in files.items():
-        (Path(out) / name).write_text(content, encoding="utf-8")
-    tell("done", 1.0)
-    return data
+        (out / name).write_text(content, encoding="utf-8")
+
+
+def _rising(progress: Progress) -> Progress:
+    """``progress`` with fractions that never fall: pixels are drawn in turns, and some are ahead of others."""
+    highest = 0.0
+
+    def tell(text: str, fraction: float) -> None:
+        nonlocal highest
+        highest = max(highest, fraction)
+        progress(text, highest)
+
+    return tell
 
 
 def judged_html(report: Report) -> str:
@@ -127,7 +138,8 @@ def judged_markdown(report: Report) -> str:
 
 def _judged(report: Report) -> Document:
     how = {"verdict": report.reason, "plan check": report.plan_check or "no plan is declared", "seed": report.seed}
-    settings = {**how, **{name: value for name, value in report.arguments.items() if value is not None}}
+    asked = {name: value for name, value in report.arguments.items() if value is not None and name != "pixels"}
+    settings = how | asked | {"declares": verdicts.declared_plan(report)}
     parts = verdicts.judged_parts(report.subject, report, "subject")
     return Document(
         f"truemean: {report.subject}",
@@ -136,24 +148,28 @@ def _judged(report: Report) -> Document:
         (
             Section("cases", "What the replicates show", tuple(parts)),
             Section("how", "How it was judged", (*report.notes, _facts("settings", "Settings and seed.", settings))),
-            Section("versions", "Versions", (_facts("versions", "Versions.", report.versions),)),
+            Section("versions", "Versions", (_facts("judged-with", "What it was judged with.", report.versions),)),
         ),
         "Interrupted before every case was decided." if report.interrupted else "",
     )
 
 
-def _replay(made: Mapping[str, Any], skipped: Mapping[str, str]) -> Section:
+def _replay(made: Mapping[str, Any]) -> Section:
     """What was not run, how to get the same report again, and what it was made with."""
-    rows = tuple((Cell(name), Cell(why)) for name, why in skipped.items())
+    rows = tuple((Cell(name), Cell(why)) for name, why in made["skipped"].items())
     left_out = Table("not-run", "What was not run, and what would make it run.", ("what", "why"), rows)
     return Section(
         "replay",
         "What was not run, and how to run this again",
         (
-            left_out if skipped else "Everything that this report knows how to run was run.",
+            left_out if rows else "Everything that this report knows how to run was run.",
             "The same command with the same seed gives the same numbers; only times differ.",
             Code(made["command"]),
-            _facts("made-with", "What this report was made with.", {"seed": made["seed"], "commit": made["commit"] or "not a checkout"} | made["versions"]),
+            _facts(
+                "made-with",
+                "What this report was made with.",
+                {"seed": made["seed"], "commit": made["commit"] or "not a checkout"} | made["versions"],
+            ),
         ),
     )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -23,7 +22,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 DIVERGING = ("#c4480e", "#d97a2b", "#b9985a", "#6f7a86", "#5b9aa8", "#2b87c4", "#0a6ebe")
 SUFFIXES = (".svg", ".png", ".pdf")
 
-STYLE: Mapping[str, Any] = MappingProxyType(
+STYLE: Any = MappingProxyType(
     {
         "font.size": 9,
         "axes.titlesize": 9.5,
@@ -51,7 +50,7 @@ STYLE: Mapping[str, Any] = MappingProxyType(
     }
 )
 
-styled = rc_context(dict(STYLE))
+styled = rc_context(STYLE)
 
 
 def panels(width: float, height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, list[Axes]]:
@@ -72,10 +71,12 @@ def save(figure: Figure, out: Path) -> None:
         raise InputError(f"out={str(out)!r} has no suffix of a picture: write one of {', '.join(SUFFIXES)}")
     dated = {"CreationDate": None} if out.suffix == ".pdf" else {"Date": None} if out.suffix == ".svg" else {}
     try:
-        with rc_context(dict(STYLE)):
+        with rc_context(STYLE):
             figure.savefig(out, dpi=200, facecolor="white", metadata=dated)
     except OSError as error:
-        raise InputError(f"out={str(out)!r} can't be written ({error.strerror}): name a file in a folder that exists") from None
+        raise InputError(
+            f"out={str(out)!r} can't be written ({error.strerror}): name a file in a folder that exists"
+        ) from None
 
 
 def inline_svg(figure: Figure, name: str) -> str:
@@ -84,7 +85,7 @@ def inline_svg(figure: Figure, name: str) -> str:
     The element points to nothing outside, and the figure's caption, of id ``name-caption``, names it.
     """
     buffer = io.StringIO()
-    with rc_context({**STYLE, "svg.hashsalt": name}):
+    with rc_context(STYLE | {"svg.hashsalt": name}):
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     drawing = buffer.getvalue()
     width = figure.get_figwidth()

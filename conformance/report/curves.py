@@ -19,6 +19,10 @@ __all__ = ["absolute", "percent", "section"]
 
 COVERAGES = tuple(Fraction(i, 8) for i in range(1, 8))
 TABLED = (1, 2, 3, 4, 8, 16, 32)
+LEAD = (
+    "A pilot of n samples is kept if all agree, else the true mean is computed. The pixel has value 0 on the "
+    "fractional area ω₁ and 1 on the rest. Every point is an exact rational number: no sampling took place."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +59,9 @@ def percent(most: int = 32) -> Figure:
 
 @styled
 def _draw(lines: list[tuple[Fraction, tuple[Fraction, ...]]], label: str, most: int) -> Figure:
-    figure, (axes,) = panels(7.2, 3.5)
+    figure, (axes,) = panels(10, 3.8)
     zero_line(axes)
-    for (omega_1, values), colour in zip(lines, DIVERGING, strict=True):
+    for (omega_1, values), colour in zip(lines, reversed(DIVERGING), strict=True):
         axes.plot(range(1, most + 1), [float(v) for v in values], "o-", color=colour, ms=2.4, label=f"{omega_1}")
     axes.set(xlabel="size n of the pilot", ylabel=label, xlim=(0.5, most + 0.5))
     axes.set_xticks([n for n in (1, 2, 4, 8, 12, 16, 20, 24, 28, 32) if n <= most] if most <= 40 else axes.get_xticks())
@@ -75,8 +79,7 @@ def section(most: int = 32) -> Section:
         "bias",
         "How biased is the paper’s Fig. 1?",
         (
-            "A pilot of n samples is kept if all agree, else the true mean is computed. The pixel has value 0 on the "
-            "fractional area ω₁ and 1 on the rest. Every point is an exact rational number: no sampling took place.",
+            LEAD,
             Chart(
                 "figure-3",
                 "The paper’s Fig. 3, recomputed: absolute bias",
@@ -93,7 +96,11 @@ def section(most: int = 32) -> Section:
             ),
             _table(found),
         ),
-        {"omega_1": [str(c.omega_1) for c in found], "n": list(range(1, most + 1)), "curves": [_json(c) for c in found]},
+        {
+            "omega_1": [str(c.omega_1) for c in found],
+            "n": list(range(1, most + 1)),
+            "curves": [_json(c) for c in found],
+        },
     )
 
 

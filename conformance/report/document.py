@@ -44,6 +44,10 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
     kind: ClassVar[str] = "table"
 
+    def is_numeric(self, column: int) -> bool:
+        """Whether a column holds numbers, to be set flush right."""
+        return any("number" in row[column].tone for row in self.rows)
+
 
 @dataclass(frozen=True, slots=True)
 class Chart:

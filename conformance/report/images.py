@@ -8,12 +8,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from truemean.conformance.report.charts import panels, styled
+from truemean.conformance.report.charts import DIVERGING, panels, styled
 from truemean.conformance.report.document import Chart, Section
-from truemean.conformance.report.wording import both, counted, decimal, exact
+from truemean.conformance.report.wording import both, counted, decimal, exact, signed
 from truemean.oracle import Pixel, derive
 from truemean.oracle.plans import catalogue
 from truemean.oracle.scene import Scene, load_scene
@@ -21,6 +22,7 @@ from truemean.oracle.scene import Scene, load_scene
 __all__ = ["expected", "section"]
 
 Place = tuple[int, int]
+DARK_BRIGHT = LinearSegmentedColormap.from_list("dark-bright", [DIVERGING[0], "#ffffff", DIVERGING[-1]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +46,7 @@ def images(scene: str, n: int) -> Images:
     loaded = load_scene(scene)
     pixels: dict[Place, Any] = loaded.pixels()
     laws = {frozenset(X.law.items()): Pixel(X.law) for X in pixels.values()}
-    plans = (("kirk-arvo-unbiased", {"p": n}), ("kirk-arvo", {"n": n}))
+    plans: tuple[tuple[str, dict[str, Any]], ...] = (("kirk-arvo-unbiased", {"p": n}), ("kirk-arvo", {"n": n}))
     unbiased, biased = (
         {law: derive(catalogue[name], X, **params).bias for law, X in laws.items()} for name, params in plans
     )
@@ -62,14 +64,16 @@ def expected(scene: str = "fig5", n: int = 4) -> Figure:
     """The expected images of Fig. 2 (unbiased) and Fig. 1 (biased) side by side, and their difference."""
     found = images(scene, n)
     truth, unbiased, biased = map(found.array, (found.true_mean, found.unbiased, found.biased))
-    figure, axes = panels(8.4, 3.5, 1, 3)
+    figure, axes = panels(10, 4.4, 1, 3)
+    figure.set_layout_engine("compressed")
     grey = {"cmap": "gray", "vmin": min(0, truth.min()), "vmax": max(1, truth.max()), "interpolation": "nearest"}
     axes[0].imshow(truth + unbiased, **grey)
     shown = axes[1].imshow(truth + biased, **grey)
     figure.colorbar(shown, ax=axes[:2], location="bottom", shrink=0.5, aspect=30, label="expected value E[ξ]")
     limit = float(np.abs(biased - unbiased).max()) or 1.0
-    difference = axes[2].imshow(biased - unbiased, cmap="PuOr", vmin=-limit, vmax=limit, interpolation="nearest")
-    figure.colorbar(difference, ax=axes[2], location="bottom", aspect=15, label="difference: too dark, too bright")
+    difference = axes[2].imshow(biased - unbiased, cmap=DARK_BRIGHT, vmin=-limit, vmax=limit, interpolation="nearest")
+    bar = figure.colorbar(difference, ax=axes[2], location="bottom", aspect=15, label="← too dark · too bright →")
+    bar.set_ticks([-limit, 0, limit], labels=[signed(-limit), "0", signed(limit)])
     titles = ("a  unbiased (Fig. 2)", f"c  biased (Fig. 1, n = {n})", "c − a")
     for panel, title in zip(axes, titles, strict=True):
         panel.set_title(title)
@@ -89,14 +93,12 @@ def section(scene: str = "fig5", n: int = 4) -> Section:
         "images",
         "What does that do to an image?",
         (
-            f"A black and white edge and a thin white polygon at {found.scene.width}×{found.scene.height} pixels under a "
-            "box filter, with exact coverages. The images are expected values, so they show the tendencies of the plans "
-            "and no noise. The paper does not give its vertices; these are truemean’s own.",
+            _lead(found.scene),
             Chart(
                 "figure-5",
                 "In the manner of the paper’s Fig. 5",
-                f"The biased plan makes little covered pixels darker and largely covered ones brighter, so edges "
-                f"rope; it is wrong in {counted(len(touched), 'pixel')}, most of all by {worst} in column {place[0]} "
+                f"The biased plan makes little covered pixels darker and largely covered ones brighter, so the "
+                f"roping of edges gets worse; it is wrong in {counted(len(touched), 'pixel')}, most of all by {worst} in column {place[0]} "
                 f"of row {place[1]}.",
                 expected(scene, n),
             ),
@@ -110,4 +112,12 @@ def section(scene: str = "fig5", n: int = 4) -> Section:
                 for x, y in touched
             ],
         },
+    )
+
+
+def _lead(scene: Scene) -> str:
+    return (
+        f"A black and white edge and a thin white polygon at {scene.width}×{scene.height} pixels under a box filter, with "
+        "exact coverages. The images are expected values, so they show the tendencies of the plans and no noise. The paper "
+        "does not give its vertices; these are truemean’s own."
     )

@@ -24,9 +24,13 @@ from truemean.oracle.scene import load_scene
 __all__ = ["cost_error", "section"]
 
 SCENE_PIXEL = "tile", 4, 1
-TABLED: Mapping[str, Mapping[str, int]] = MappingProxyType({"sequential": {"most": 16}})  # as many as the others draw
-PILOTS = (2, 4, 8, 16, 32)
+PILOT, PILOTS = 4, (2, 4, 8, 16, 32)
 BOTTOM = 1e-5
+LEAD = (
+    "Each number is derived from the plan’s own code on the exact pixel; nothing was run. The observation level "
+    "is how closely a sample had to be looked at for the bias: unseen and flat samples cost next to nothing, "
+    "counts tell every tuple of the paper’s Eq. 3 apart."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +50,7 @@ class Entry:
     def cell(self) -> Cell:
         """Bias, standard deviation, cost and level, in this order."""
         if self.why:
-            return Cell(self.why, (), "missing")
+            return Cell(self.why, (), "number missing")
         tone = "minus" if self.bias < 0 else "plus" if self.bias else "zero"
         calls = f" + {float(self.oracle_calls):.2g} oracle" if self.oracle_calls else ""
         spread = f"σ {decimal(math.sqrt(self.variance))}"
@@ -78,7 +82,7 @@ def _derived(plan: str, name: str, pixel: Pixel) -> list[Entry]:
     """An entry for each channel."""
     channels = [name] if pixel.channels is None else [f"{name}[{c}]" for c in range(pixel.channels)]
     try:
-        d = derive(catalogue[plan], pixel, **TABLED.get(plan, {}))
+        d = derive(catalogue[plan], pixel, **sized(plan, PILOT))
         bias, variance = (v if isinstance(v, tuple) else (v,) for v in (d.bias, d.variance))
     except NeedsScene:
         return [Entry(plan, channel, "needs a scene") for channel in channels]
@@ -92,12 +96,15 @@ def _derived(plan: str, name: str, pixel: Pixel) -> list[Entry]:
 # -- cost against error ---------------------------------------------------------------------------
 
 
-def sized(plan: str, n: int) -> dict[str, int]:
-    """The parameters of a plan with a pilot of ``n`` and, where there is a second stage, three more of them."""
-    later = {"m": 3 * n, "n1": n, "n2": 4 * n, "most": 4 * n}
-    first = {"n": n, "p": n, "start": n}
+def sized(plan: str, n: int) -> dict[str, Any]:
+    """The parameters of a plan with a pilot of ``n`` and up to four times as many samples in a later stage.
+
+    A plan that stops at a standard error is given one that it reaches between the two.
+    """
     known = catalogue[plan].signature.parameters
-    return {name: value for name, value in (first | later).items() if name in known}
+    sizes = {"n": n, "p": n, "start": n, "m": 3 * n, "n1": n, "n2": 4 * n, "most": 4 * n}
+    standard_error = {"eps": Fraction(1, 4 + n // 2)} if "most" in known else {}
+    return {name: size for name, size in sizes.items() if name in known} | standard_error
 
 
 @cache
@@ -115,11 +122,11 @@ def sweep() -> dict[str, tuple[tuple[int, Fraction, Fraction, Fraction, Fraction
 @styled
 def cost_error() -> Figure:
     """Bias and standard deviation apart, over the expected number of samples."""
-    figure, (left, right) = panels(8.4, 3.9, 1, 2, sharex=True)
+    figure, (left, right) = panels(10, 4.2, 1, 2, sharex=True)
     for (plan, points), colour, marker in zip(sweep().items(), SERIES, MARKERS, strict=False):
         costs = [float(cost) for _, _, _, cost, _ in points]
         biases = [max(BOTTOM, abs(float(bias))) for _, bias, *_ in points]
-        line = {"color": colour, "marker": marker, "label": plan, "clip_on": False}
+        line: dict[str, Any] = {"color": colour, "marker": marker, "label": plan, "clip_on": False}
         line["linestyle"] = "--" if any(calls for *_, calls in points) else "-"
         left.plot(costs, biases, **line)
         right.plot(costs, [math.sqrt(variance) for _, _, variance, *_ in points], **line)
@@ -127,6 +134,7 @@ def cost_error() -> Figure:
     right.set(xscale="log", yscale="log", title="standard deviation", ylabel="σ")
     left.set_yticks([BOTTOM, 1e-4, 1e-3, 1e-2, 1e-1, 1], ["0", "0.0001", "0.001", "0.01", "0.1", "1"])
     left.annotate("unbiased: exactly 0", (1, BOTTOM), (-2, 5), **_IN_CORNER, color=MUTED)
+    right.set_yticks([0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4], ["0.005", "0.01", "0.02", "0.05", "0.1", "0.2", "0.4"])
     for panel in (left, right):
         panel.set_xlabel("expected cost E[samples drawn]")
         panel.set_xticks([2, 4, 8, 16, 32, 64, 128], ["2", "4", "8", "16", "32", "64", "128"])
@@ -149,14 +157,12 @@ def section() -> Section:
         "plans",
         "What is each plan worth?",
         (
-            "Each number is derived from the plan’s own code on the exact pixel; nothing was run. The observation level "
-            "is how closely a sample had to be looked at for the bias: unseen and flat samples cost next to nothing, "
-            "counts tell every tuple of the paper’s Eq. 3 apart.",
+            LEAD,
             _who(),
             Table(
                 "plan-pixel",
                 "Signed bias, standard deviation σ, expected cost, and observation level of each sample. "
-                "A darker ground marks a plan that is too dark (−) or too bright (+) there.",
+                "The ground is tinted where a plan is too dark (−) or too bright (+) there.",
                 ("pixel", *catalogue),
                 tuple((Cell(row[0].pixel), *(entry.cell() for entry in row)) for row in rows),
             ),
@@ -185,7 +191,12 @@ def section() -> Section:
 def _who() -> Table:
     rows = []
     for name, plan in catalogue.items():
-        params = ", ".join(f"{key}={value}" for key, value in plan.bind(TABLED.get(name, {})).items())
+        params = ", ".join(f"{key}={value}" for key, value in plan.bind(sized(name, PILOT)).items())
         verdict = Cell("unbiased" if plan.unbiased else "biased", (plan.why,))
         rows.append((Cell(name, (params,)), Cell(plan.doc), verdict, Cell(plan.source)))
-    return Table("plan-list", "The plans and the parameters used in the table below.", ("plan", "what it does", "bias, and why", "source"), tuple(rows))
+    return Table(
+        "plan-list",
+        "The plans and the parameters used in the table below.",
+        ("plan", "what it does", "bias, and why", "source"),
+        tuple(rows),
+    )

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from truemean.conformance.judge import judge
@@ -20,10 +21,12 @@ from truemean.errors import NeedsScene, PlanError
 from truemean.oracle import Pixel, derive
 from truemean.oracle.plans import catalogue
 
-__all__ = ["headline", "judge_all", "judged_parts", "section"]
+__all__ = ["declared_plan", "headline", "judge_all", "judged_parts", "section"]
 
 REPLICATES, FRAMES = 100_000, 20_000  # a frame renders all pixels of a scene and takes milliseconds
+ALPHA = BETA = 0.01
 CURVE = 48
+Progress = Callable[[str, float], None]
 LOOKS = {
     Verdict.BIASED: (SERIES[1], "o"),
     Verdict.CONFORMS: (SERIES[2], "s"),
@@ -32,19 +35,25 @@ LOOKS = {
 }
 
 
-def judge_all(
-    subjects: Mapping[str, Any], tolerance: str, seed: int, progress: Callable[[str, float], None]
-) -> dict[str, Report]:
-    """Each subject judged at ``tolerance``; ``progress(text, share)`` goes from 0 to the number of subjects."""
+def judge_all(subjects: Mapping[str, Any], tolerance: str, seed: int, progress: Progress) -> dict[str, Report]:
+    """Each subject judged at ``tolerance``; ``progress(text, share)`` goes from 0 to the number of subjects.
+
+    An interrupt ends the judging: what it had gathered counts, later subjects are missing.
+    """
     found = {}
     for number, (name, subject) in enumerate(subjects.items()):
         budget = FRAMES if callable(getattr(subject, "run_many", None)) else REPLICATES
-
-        def look(pixel: str, drawn: int, waiting: int, before: int = number, of: str = name, most: int = budget) -> None:
-            progress(f"judging {of}: {pixel}, {counted(drawn, 'replicate')}", before + min(1.0, drawn / most))
-
-        found[name] = judge(subject, tolerance=tolerance, seed=seed, budget=budget, progress=look)
+        look = partial(_look, progress, f"judging {name}", number, budget)
+        found[name] = judge(
+            subject, tolerance=tolerance, alpha=ALPHA, beta=BETA, budget=budget, seed=seed, progress=look
+        )
+        if found[name].interrupted:
+            break
     return found
+
+
+def _look(progress: Progress, text: str, before: int, budget: int, pixel: str, drawn: int, _undecided: int) -> None:
+    progress(f"{text}: {pixel}, {counted(drawn, 'replicate')}", before + min(1.0, drawn / budget))
 
 
 # -- in words -------------------------------------------------------------------------------------
@@ -55,7 +64,13 @@ def headline(reports: Mapping[str, Report], tolerance: str) -> str:
     said = [f"{name} {_outcome(report)}" for name, report in reports.items()]
     if not said:
         return "No implementation was judged; the plans are compared below."
-    return f"At a tolerance of {tolerance.replace('%', ' %')} of a pixel’s range, {'; '.join(said)}."
+    right, known = (sum(each) for each in zip(*map(predicted_right, reports.values()), strict=True))
+    oracle = f"; the oracle’s prediction lies in {right} of {counted(known, 'measured interval')}" if known else ""
+    return f"At a tolerance of {_percent(tolerance)}, {'; '.join(said)}{oracle}."
+
+
+def _percent(tolerance: str) -> str:
+    return f"{tolerance.removesuffix('%')} % of a pixel’s range" if tolerance.endswith("%") else tolerance
 
 
 def _outcome(report: Report) -> str:
@@ -64,13 +79,23 @@ def _outcome(report: Report) -> str:
     return f"{verb}{report.verdict} in {cases} of {counted(len(report.cases), 'case')}"
 
 
+def _lead(tolerance: str) -> str:
+    return (
+        "Each implementation ran its own code and was judged by its replicates alone, at a tolerance of "
+        f"{_percent(tolerance)}. The evidence is valid whenever one looks at it: a wrong BIASED anywhere in a run has "
+        f"probability at most {ALPHA:.0%}, a wrong CONFORMS at most {BETA:.0%} a case. The oracle’s prediction is shown "
+        "beside; it had no vote. INCONCLUSIVE is published as it is: more replicates would decide."
+    )
+
+
 def predicted_right(report: Report) -> tuple[int, int]:
     """How many of the cases with a prediction hold it in their interval, and how many have one."""
     pairs = [(case.declared_bias, case.bias_interval) for case in report.cases if case.declared_bias is not None]
     return sum(low <= bias <= high for bias, (low, high) in pairs), len(pairs)
 
 
-def _declared(report: Report) -> str:
+def declared_plan(report: Report) -> str:
+    """The plan that the subject declares, as a call; "none" without one."""
     plan = report.arguments["declares"]
     if plan is None:
         return "none"
@@ -96,10 +121,7 @@ def predicted_curve(report: Report) -> list[tuple[float, float]]:
 def section(reports: Mapping[str, Report], tolerance: str) -> Section:
     """A summary, then chart and table for each subject."""
     parts: list[str | Table | Chart] = [
-        f"Each implementation was run on its own code and judged by its replicates alone, at a tolerance of {tolerance} "
-        "of each pixel’s range. The evidence is valid whenever one looks at it: a wrong BIASED anywhere in a run has "
-        "probability at most 1 %, a wrong CONFORMS at most 1 % a case. The oracle’s prediction is shown beside; it had "
-        "no vote. INCONCLUSIVE is published as it is: more replicates would decide.",
+        _lead(tolerance),
     ]
     if reports:
         parts.append(_summary(reports))
@@ -119,13 +141,18 @@ def _summary(reports: Mapping[str, Report]) -> Table:
                 Cell(name),
                 _chip(report.verdict),
                 Cell(", ".join(f"{counts[verdict]} {verdict}" for verdict in Verdict if counts[verdict]) or "none"),
-                Cell(_declared(report)),
+                Cell(declared_plan(report)),
                 Cell(f"{right} of {known}" if known else "–", (), "number"),
             )
         )
     head = ("implementation", "verdict", "cases", "declared plan", "intervals that hold the prediction")
-    return Table("verdict-summary", "The verdict on each implementation is the first of its cases’ in this order: "
-                 "BROKEN, BIASED, INCONCLUSIVE, CONFORMS.", head, tuple(rows))
+    return Table(
+        "verdict-summary",
+        "The verdict on each implementation is the first of its cases’ in this order: "
+        "BROKEN, BIASED, INCONCLUSIVE, CONFORMS.",
+        head,
+        tuple(rows),
+    )
 
 
 def judged_parts(name: str, report: Report, ident: str) -> list[str | Table | Chart]:
@@ -142,14 +169,25 @@ def judged_parts(name: str, report: Report, ident: str) -> list[str | Table | Ch
 
 def _sight(report: Report) -> str:
     right, known = predicted_right(report)
-    plan = f" The line is what the oracle predicts for {_declared(report)}; " if known else ""
+    plan = f" The line is what the oracle predicts for {declared_plan(report)}; " if known else ""
     holds = f"{right} of {counted(known, 'interval')} hold the prediction for their pixel." if known else ""
     by_verdict = Counter(case.verdict for case in report.cases)
-    return f"{listed([f'{by_verdict[v]} {v}' for v in Verdict if by_verdict[v]])}: the band is the tolerance.{plan}{holds}"
+    return (
+        f"{listed([f'{by_verdict[v]} {v}' for v in Verdict if by_verdict[v]])}: the band is the tolerance.{plan}{holds}"
+    )
 
 
 def _cases(name: str, report: Report, ident: str) -> Table:
-    head = ("pixel", "true mean", "measured mean", "interval of the bias", "predicted bias", "verdict", "declared plan", "replicates")
+    head = (
+        "pixel",
+        "true mean",
+        "measured mean",
+        "interval of the bias",
+        "predicted bias",
+        "verdict",
+        "declared plan",
+        "replicates",
+    )
     return Table(f"{ident}-cases", f"{name}: {report.reason}.", head, tuple(_row(case) for case in report.cases))
 
 
@@ -177,47 +215,54 @@ def _chip(word: Any) -> Chip:
 
 @styled
 def bias_over_mean(report: Report) -> Figure:
-    """The measured bias with its interval over the true mean, both in units of the range, and the prediction."""
-    figure, (axes,) = panels(7.2, 3.2)
-    cases = [case for case in report.cases if case.mean is not None]
-    tolerances = [float(case.tolerance / _width(case)) for case in cases]
-    band = max(tolerances, default=0.0)
+    """The measured bias with its interval over the true mean, both in units of the pixel's range, and the prediction."""
+    figure, (axes,) = panels(10, 3.6)
+    spots = [_spot(case, report.cases) for case in report.cases if case.mean is not None]
+    band = max((spot.tolerance for spot in spots), default=0.0)
     axes.axhspan(-band, band, color=MUTED, alpha=0.16, linewidth=0, label="tolerance")
     zero_line(axes)
-    _predict(axes, report, cases)
+    line = predicted_curve(report)
+    if line:
+        axes.plot(*zip(*line, strict=True), color=INK, linewidth=1.2, label="predicted, 0 and 1")
     for verdict, (colour, marker) in LOOKS.items():
-        found = [case for case in cases if case.verdict is verdict]
+        found = [spot for spot in spots if spot.verdict is verdict]
         if found:
-            _plot_cases(axes, found, color=colour, marker=marker, label=str(verdict))
-    axes.set(xlabel="true mean (coverage, on black and white pixels)", ylabel="bias", xlim=(0, 1))
+            reach = np.array([spot.reach for spot in found]).T
+            look: dict[str, Any] = {"color": colour, "marker": marker, "label": str(verdict), "linestyle": "none"}
+            x, y = [spot.mean for spot in found], [spot.bias for spot in found]
+            axes.errorbar(x, y, yerr=reach, capsize=2.5, elinewidth=1.2, zorder=3, **look)
+    rings = [(spot.mean, spot.predicted) for spot in spots if spot.predicted is not None]
+    if rings:
+        ring: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markersize": 9}
+        axes.plot(*zip(*rings, strict=True), color=INK, label="predicted, this pixel", zorder=4, **ring)
+    axes.set(xlabel="true mean (the coverage, on black and white pixels)", ylabel="bias", xlim=(-0.01, 1.01))
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
 
-def _width(case: Case) -> Fraction:
-    return (case.range[1] - case.range[0]) or Fraction(1)
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A case as it is drawn: everything in units of the range of its pixel, over all channels."""
+
+    verdict: Verdict
+    mean: float
+    bias: float
+    reach: tuple[float, float]
+    predicted: float | None
+    tolerance: float
 
 
-def _place(case: Case) -> float:
-    return float((case.true_mean - case.range[0]) / _width(case))
-
-
-def _plot_cases(axes: Axes, cases: Sequence[Case], **look: Any) -> None:
-    widths = [float(_width(case)) for case in cases]
-    centres = [((case.mean or 0) - float(case.true_mean)) / w for case, w in zip(cases, widths, strict=True)]
-    ends = [(case.bias_interval[0] / w, case.bias_interval[1] / w) for case, w in zip(cases, widths, strict=True)]
-    reach = np.array([(max(0, c - low), max(0, high - c)) for c, (low, high) in zip(centres, ends, strict=True)]).T
-    places = [_place(case) for case in cases]
-    axes.errorbar(places, centres, yerr=reach, linestyle="none", capsize=2, elinewidth=1.2, zorder=3, **look)
-
-
-def _predict(axes: Axes, report: Report, cases: Sequence[Case]) -> None:
-    """The bias of the declared plan: a line for black and white pixels, a ring for each case."""
-    line = predicted_curve(report)
-    if line:
-        axes.plot(*zip(*line, strict=True), color=INK, linewidth=1.2, label="predicted, 0 and 1")
-    known = [case for case in cases if case.declared_bias is not None]
-    places, biases = [_place(c) for c in known], [float((c.declared_bias or 0) / _width(c)) for c in known]
-    if known:
-        ring = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markersize": 9}
-        axes.plot(places, biases, color=INK, label="predicted, this pixel", zorder=4, **ring)
+def _spot(case: Case, cases: Sequence[Case]) -> Spot:
+    ranges = [each.range for each in cases if each.pixel == case.pixel]
+    low = min(low for low, _ in ranges)
+    scale = float(max(high for _, high in ranges) - low) or 1.0
+    bias = (case.mean or 0.0) - float(case.true_mean)
+    lower, upper = case.bias_interval
+    return Spot(
+        case.verdict,
+        float(case.true_mean - low) / scale,
+        bias / scale,
+        (max(0.0, bias - lower) / scale, max(0.0, upper - bias) / scale),
+        None if case.declared_bias is None else float(case.declared_bias) / scale,
+        float(case.tolerance) / scale,
+    )

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
 
-from truemean.errors import UnknownName
-from truemean.oracle.plan import Plan
+from truemean.errors import InputError, UnknownName
+from truemean.oracle.plan import Plan, as_plan
 
-__all__ = ["catalogue"]
+__all__ = ["catalogue", "find_plan"]
 
 _PLANS = {
     "kirk-arvo": "truemean.oracle.plans.kirk_arvo:kirk_arvo",
@@ -42,3 +44,27 @@ class Catalogue(Mapping[str, Plan]):
 
 
 catalogue = Catalogue()
+
+
+def find_plan(name: str) -> Plan:
+    """A plan by catalogue name, ``file.py:function`` or ``module:function``.
+
+    >>> find_plan("fixed").doc
+    'The mean of n samples.'
+    """
+    place, colon, function = name.rpartition(":")
+    if not colon:
+        return catalogue[name]
+    try:
+        if place.endswith(".py"):
+            spec = spec_from_file_location(Path(place).stem, place)
+            assert spec is not None and spec.loader is not None
+            module = module_from_spec(spec)
+            spec.loader.exec_module(module)
+        else:
+            module = import_module(place)
+    except (FileNotFoundError, ModuleNotFoundError) as error:
+        raise InputError(f"plan={name!r}: {error}; write file.py:function or module:function") from None
+    if not hasattr(module, function):
+        raise UnknownName(f"plan in {place}", function, [n for n, v in vars(module).items() if callable(v)])
+    return as_plan(getattr(module, function))

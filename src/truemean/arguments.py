@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -9,17 +10,16 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from truemean.adapters.callables import _import as import_place
 from truemean.adapters.registry import parse
 from truemean.conformance.pixels import SETS, pixel_by_name, standard_pixels
-from truemean.errors import InputError, PlanError, SubjectError, TruemeanError, UnknownName
+from truemean.errors import InputError, PlanError, TruemeanError
 from truemean.oracle.exact import exact_number, exact_weight
 from truemean.oracle.pixel import Pixel, Value
-from truemean.oracle.plan import Plan, as_plan
-from truemean.oracle.plans import catalogue
+from truemean.oracle.plan import Plan
+from truemean.oracle.plans import find_plan
 from truemean.oracle.scene import load_scene, shipped_scenes
 
-__all__ = ["check_destination", "plan_errors", "read_pixel", "read_pixels", "read_plan", "read_range"]
+__all__ = ["check_destination", "plan_errors", "read_pixel", "read_pixels", "read_plan", "read_range", "told_as"]
 
 PIXEL_FORMS = "'0:7/8,1:1/8', '(1,0,0):1/2,(0,1,0):1/2', 'standard:thin' or 'scene.json#12,7'"
 
@@ -34,8 +34,8 @@ def read_plan(text: str, settings: Sequence[str] = ()) -> tuple[Plan, dict[str, 
     >>> plan.name, params
     ('kirk-arvo', {'n': 8, 'eps': Fraction(1, 4)})
     """
-    place, function, params = parse(text)
-    plan = _own_plan(place, function) if function else _known_plan(place)
+    plan = _find(text.partition("?")[0].strip())
+    params: dict[str, Any] = dict(parse(text)[2])
     for setting in settings:
         name, equals, value = (part.strip() for part in setting.partition("="))
         if not (name and equals and value):
@@ -46,38 +46,44 @@ def read_plan(text: str, settings: Sequence[str] = ()) -> tuple[Plan, dict[str, 
     return plan, plan.bind(params)
 
 
-def _known_plan(name: str) -> Plan:
-    if name.endswith(".py"):
+def _find(name: str) -> Plan:
+    place, _, function = name.rpartition(":")
+    if function.endswith(".py"):
         raise InputError(f"PLAN {name!r} names a file but no function in it: write {name}:my_plan")
-    return catalogue[name]
-
-
-def _own_plan(place: str, function: str) -> Plan:
-    try:
-        module = import_place(place)
-    except SubjectError as error:
-        raise PlanError(str(error)) from error
-    if not hasattr(module, function):
-        raise UnknownName(f"plan in {place}", function, [n for n, v in vars(module).items() if callable(v)])
-    return as_plan(getattr(module, function))
+    folder = str(Path(place).resolve().parent if place.endswith(".py") else Path.cwd())
+    if place and folder not in sys.path:
+        sys.path.insert(0, folder)
+    with told_as(PlanError, f"PLAN {name!r} can't be imported"):
+        return find_plan(name)
 
 
 @contextmanager
-def plan_errors(plan: Plan) -> Iterator[None]:
-    """What the reader's own plan raises becomes a PlanError with its line; truemean's own faults pass."""
-    code = getattr(plan.function, "__code__", None)
+def told_as(kind: type[TruemeanError], what: str) -> Iterator[None]:
+    """Whatever else the reader's own code raises, as a ``kind`` of error that says ``what`` went wrong."""
     try:
         yield
     except TruemeanError:
         raise
     except Exception as error:
-        frames = traceback.extract_tb(error.__traceback__) if code and plan.function.__module__ not in OWN else []
-        lines = [frame.lineno for frame in frames if frame.filename == code.co_filename]
+        raise kind(f"{what}: {type(error).__name__}: {error}") from error
+
+
+@contextmanager
+def plan_errors(plan: Plan) -> Iterator[None]:
+    """What the reader's own plan raises becomes a PlanError with its line; truemean's own faults pass."""
+    module, code = plan.function.__module__, getattr(plan.function, "__code__", None)
+    file = None if code is None or module.startswith("truemean.") else code.co_filename
+    try:
+        yield
+    except TruemeanError:
+        raise
+    except Exception as error:
+        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
         if not lines:
             raise
         notes = "".join(f"; {note}" for note in getattr(error, "__notes__", ()))
         raised = f"{type(error).__name__}: {error}"
-        raise PlanError(f"plan {plan.name!r} raised {raised} ({Path(file).name}, line {lines[-1]}{notes})") from error
+        raise PlanError(f"plan {plan.name!r} raised {raised} ({file}, line {lines[-1]}{notes})") from error
 
 
 def read_pixel(text: str) -> Pixel:
@@ -89,11 +95,14 @@ def read_pixel(text: str) -> Pixel:
     (Pixel({0: 63/64, 1: 1/64}), Pixel({0: 15/16, 1: 1/16}))
     """
     written = text.strip()
-    if "#" in written:
-        return _scene_pixel(written)
-    if written[:1].isalpha() and ":" in written:
-        return pixel_by_name(written)
-    return Pixel(_read_law(written))
+    try:
+        if "#" in written:
+            return _scene_pixel(written)
+        if written[:1].isalpha() and ":" in written:
+            return pixel_by_name(written)
+        return Pixel(_read_law(written))
+    except InputError as error:
+        raise InputError(f"pixel {text!r}: {error}") from error
 
 
 def read_pixels(texts: Sequence[str]) -> dict[str, Pixel] | None:
@@ -134,7 +143,7 @@ def _scene_pixel(text: str) -> Pixel:
     try:
         x, y = (int(part) for part in position.split(","))
     except ValueError:
-        raise InputError(f"pixel {text!r} is not SCENE#x,y: write e.g. {next(iter(shipped_scenes()))}#0,0") from None
+        raise InputError(f"{position!r} is not x,y: write e.g. {next(iter(shipped_scenes()))}#0,0") from None
     return load_scene(scene).pixel(x, y)
 
 
@@ -143,7 +152,7 @@ def _read_law(text: str) -> Mapping[Value, Fraction]:
     for item in _split(text):
         value, colon, weight = item.rpartition(":")
         if not (colon and value.strip()):
-            raise InputError(f"pixel {text!r}: {item!r} is not value:weight; a pixel is written {PIXEL_FORMS}")
+            raise InputError(f"{item!r} is not value:weight; a pixel is written {PIXEL_FORMS}")
         intensity = _read_value(value.strip())
         law[intensity] = law.get(intensity, Fraction(0)) + exact_weight(weight, f"weight of {value.strip()}")
     return law

@@ -7,8 +7,8 @@ import os
 import shlex
 import shutil
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout
 from decimal import Decimal, localcontext
 from fractions import Fraction
 from pathlib import Path
@@ -16,11 +16,23 @@ from typing import Any
 
 from flint import fmpz
 from rich.console import Console
+from rich.text import Text
 
 from truemean.errors import InputError
 from truemean.oracle.rings import Approx
 
-__all__ = ["command_line", "console", "decimal", "exact", "number", "replaced", "shortened", "write_json", "write_text"]
+__all__ = [
+    "command_line",
+    "console",
+    "decimal",
+    "exact",
+    "number",
+    "replaced",
+    "shortened",
+    "working",
+    "write_json",
+    "write_text",
+]
 
 WIDE = 120  # columns where there is no terminal to ask
 DIGITS = 24  # of an integer, before it is shortened on the terminal
@@ -38,6 +50,13 @@ def console(*, stderr: bool = False) -> Console:
     stream = sys.stderr if stderr else sys.stdout
     width = None if stream.isatty() or "COLUMNS" in os.environ else WIDE
     return _Console(stderr=stderr, width=width, markup=False, highlight=False, emoji=False)
+
+
+@contextmanager
+def working(text: str) -> Iterator[Callable[[str], None]]:
+    """Tell on the terminal what is being done; what a reader's code prints meanwhile is no output of ours."""
+    with console(stderr=True).status(Text(text)) as status, redirect_stdout(sys.stderr):
+        yield lambda now: status.update(Text(now))
 
 
 # -- numbers --------------------------------------------------------------------------------------
@@ -60,8 +79,7 @@ def shortened(value: Fraction) -> str:
     """
 
     def short(integer: int) -> str:
-        whole: str = fmpz(integer).str(condense=DIGITS // 3) if abs(integer) >= 10**DIGITS else str(integer)
-        return whole
+        return str(integer) if abs(integer) < 10**DIGITS else str(fmpz(integer).str(condense=DIGITS // 3))
 
     return _ratio(value, short)
 
@@ -74,9 +92,9 @@ def decimal(value: Any, digits: int = 10) -> str:
     """
     if value is None:
         return "-"
-    if isinstance(value, Fraction):
-        with localcontext(prec=digits + 5, Emax=10**9, Emin=-(10**9)):
-            return f"{Decimal(value.numerator) / Decimal(value.denominator):.{digits}g}"
+    if isinstance(value, Fraction) and not _float(value) and value:
+        with localcontext(prec=digits, Emax=10**9, Emin=-(10**9)):
+            return str(Decimal(value.numerator) / Decimal(value.denominator)).lower()
     return f"{float(value):.{digits}g}"
 
 
@@ -97,7 +115,7 @@ def number(value: Any) -> Any:
             return value
 
 
-def _ratio(value: Fraction, text: Any) -> str:
+def _ratio(value: Fraction, text: Callable[[int], str]) -> str:
     numerator, denominator = value.as_integer_ratio()
     return text(numerator) + (f"/{text(denominator)}" if denominator != 1 else "")
 
@@ -149,7 +167,9 @@ def replaced(directory: Path, mark: str) -> Iterator[Path]:
     try:
         new.mkdir(parents=True)
     except OSError as error:
-        raise InputError(f"--out {str(directory)!r} can't be made ({error.strerror}): give another directory") from error
+        raise InputError(
+            f"--out {str(directory)!r} can't be made ({error.strerror}): give another directory"
+        ) from error
     try:
         yield new
         if final.exists():
@@ -167,5 +187,3 @@ def _check_replaceable(directory: Path, final: Path, mark: str) -> None:
         return
     what = f"a directory without {mark}, hence no former report" if final.is_dir() else "a file"
     raise InputError(f"--out {str(directory)!r} is {what}, and would be replaced: give a new directory, or remove it")
-
-

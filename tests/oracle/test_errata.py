@@ -14,7 +14,7 @@ from truemean.errors import PlanError, UndefinedValue
 from truemean.oracle import Pixel, derive
 
 THIRDS = Pixel({0: "1/2", 1: "1/3", 3: "1/6"})
-SIGNED = Pixel({-3: "1/2", -1: "1/3", 2: "1/6"})
+SIGNED = Pixel({-3: "1/4", -1: "1/4", 2: "1/2"})
 
 
 def assert_twin(function, pixel, **params):

@@ -20,8 +20,8 @@ ROOTS = {"std_error": lambda S: S.std_error(), "sqrt": lambda S: np.sqrt(S.mean(
 
 
 @pytest.mark.parametrize("root", ROOTS.values(), ids=ROOTS)
-def test_e10_an_irrational_estimate_points_to_balls(root):
-    with pytest.raises(NotExact, match="ball"):
+def test_e10_an_irrational_estimate_points_to_another_arithmetic(root):
+    with pytest.raises(NotExact, match="arithmetic="):
         _ = derive(lambda X: root(X.draw(2)), THIRDS).bias
 
 
@@ -54,13 +54,14 @@ def test_e11_a_root_of_roots_that_cancel_is_0():
 
 
 def test_e11_nearly_a_tie_is_none():
-    huge = 10**40
+    huge, more = 10**40, 10**40 + 10**10
+    assert np.sqrt(float(more)) == 10**20
 
     def decides(X):
         S = X.draw(2)
         return 1 if np.sqrt(S.max()) > 10**20 else 0
 
-    assert_twin(decides, Pixel({huge: "1/2", huge + 1: "1/2"}))
+    assert_twin(decides, Pixel({huge: "1/2", more: "1/2"}))
 
 
 def test_e11_a_standard_error_that_equals_its_threshold_is_not_below_it():
@@ -118,6 +119,11 @@ def test_e13_weights_as_arrays_give_arrays():
     assert np.abs(biases - [float(brute(sequential, p).bias) for p in pixels]).max() < 1e-14
 
 
+def pilot(X):
+    S = X.draw(2)
+    return S.mean() if S.range() <= 0 else X.true_mean()
+
+
 WEIGHED = {
     "a decision": lambda X, S: S.mean() if S.mean() <= X.mean else S.max(),
     "a decision on the oracle": lambda X, S: S.mean() if S.mean() <= X.true_mean() else S.max(),
@@ -126,10 +132,11 @@ WEIGHED = {
     "a choice by row": lambda X, S: np.where(S.max() > X.mean, S.mean(), 0),
     "a coin": lambda X, S: S.mean() if X.coin(X.mean / 3) else S.max(),
     "a pick": lambda X, S: S.mean() * X.pick([1, X.mean]),
-    "a size": lambda X, S: X.draw(1 + np.floor(4 * X.mean)).max(),
+    "a size": lambda X, S: X.draw(1 + np.floor(X.mean)).max(),
     "a size by row": lambda X, S: X.draw(1 + np.where(S.max() > X.mean, 1, 2)).max(),
     "a stop": lambda X, S: X.draw_until(lambda T: T.mean() > X.mean, start=1, step=1, most=3).mean(),
     "the variance": lambda X, S: S.mean() if S.variance() <= X.variance else S.max(),
+    "nothing but a sub-estimate": lambda X, S: X.estimate(pilot) + S.mean(),
     "a sub-estimate": lambda X, S: X.estimate(lambda Y: Y.draw(1).mean() * Y.mean) + S.mean(),
 }
 
@@ -139,13 +146,15 @@ def test_e13_a_plan_that_reads_a_weight_is_moved_rightly_or_not_at_all(where):
     def reads(X):
         return WEIGHED[where](X, X.draw(2))
 
-    derivation, there = assert_twin(reads, THIRDS), Pixel({0: "1/5", 1: "1/5", 3: "3/5"})
+    there = Pixel({0: "1/5", 1: "1/5", 3: "3/5"})
+    exact, derivation = brute(reads, there).bias, assert_twin(reads, THIRDS)
+    assert derivation.at(there.law).bias == exact
     try:
-        moved = derivation.at(there.law).bias
+        (moved,) = derivation.at(np.array([[0.2], [0.2], [0.6]])).bias
     except InputError as error:
-        assert "weights" in str(error)  # noqa: PT017 - either answer is right
+        assert "other weights" in str(error)  # noqa: PT017 - either answer is right
     else:
-        assert moved == brute(reads, there).bias
+        assert abs(moved - float(exact)) < 1e-14
 
 
 def test_e14_a_pilot_that_only_sizes_needs_rows_for_the_cost_but_none_for_the_bias():
@@ -219,23 +228,7 @@ def test_e18_a_replicate_does_not_depend_on_the_others():
     few, many = (simulate(sequential, THIRDS, runs=runs, seed=3) for runs in (10, 1000))
     assert (few == many[:10]).all()
     assert len(set(many)) > 5
-
-
-def test_e18_a_sample_drawn_on_some_paths_leaves_later_draws_alone():
-    def with_extra(X):
-        S = X.draw(1)
-        if S.max() > 0:
-            X.draw(5)
-        return X.draw(1).mean() * 10 + S.mean()
-
-    def without(X):
-        S = X.draw(1)
-        return X.draw(1).mean() * 10 + S.mean()
-
-    a, b = (simulate(function, THIRDS, runs=1000, seed=3) for function in (with_extra, without))
-    dark = b % 10 == 0
-    assert dark.any()
-    assert (a[dark] == b[dark]).all()
+    assert (many != simulate(sequential, THIRDS, runs=1000, seed=4)).any()
 
 
 BLACK = Pixel({0: "3/4", 2: "1/4"})

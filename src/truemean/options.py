@@ -1,0 +1,102 @@
+"""The arguments and options of the command line, each with the sentence that ``--help`` shows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+# -- what is derived, judged, drawn or listed -----------------------------------------------------
+
+PlanName = Annotated[
+    str,
+    typer.Argument(metavar="PLAN", help="A name from 'truemean list plans', FILE.py:FUNCTION or MODULE:FUNCTION."),
+]
+Subject = Annotated[
+    str,
+    typer.Argument(
+        metavar="SUBJECT",
+        help="What to run: python:MODULE:NAME, python:FILE.py:NAME, plan:NAME?n=4 or a renderer; "
+        "see 'truemean list adapters'. Quote it where it has a ? or &.",
+    ),
+]
+FigureName = Annotated[
+    str,
+    typer.Argument(
+        metavar="3|4|5|speed-accuracy",
+        help="3, 4: the paper's bias over n; 5: images in its manner; speed-accuracy: of the engine itself.",
+    ),
+]
+ListName = Annotated[str, typer.Argument(metavar="plans|pixels|adapters", help="What to list.")]
+Renderers = Annotated[
+    str, typer.Option(metavar="all|none|NAME,...", help="Which renderers to judge; all: those installed.")
+]
+
+# -- pixels and plans -----------------------------------------------------------------------------
+
+PixelText = Annotated[
+    str,
+    typer.Option(
+        metavar="PIXEL",
+        help="Values with their weights, 0:7/8,1:1/8 or (1,0,0):1/2,(0,1,0):1/2; one of 'truemean list pixels', "
+        "standard:thin; or column and row of a scene, scene.json#12,7.",
+    ),
+]
+PixelTexts = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="standard|hard|PIXEL",
+        help="On which pixels: a set, or one written as for derive. Repeatable. "
+        "[default: those that the subject brings, else standard]",
+    ),
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the plan, exact: 4, 1/3, 0.05. Repeatable."),
+]
+Declares = Annotated[
+    str | None, typer.Option(metavar="PLAN?n=4", help="The plan that the subject should follow: is that so, too?")
+]
+
+# -- how it is computed ---------------------------------------------------------------------------
+
+Arithmetic = Annotated[
+    str, typer.Option(metavar="exact|float64", help="Rational numbers, or floats with an error bound.")
+]
+Rows = Annotated[int | None, typer.Option(min=1, metavar="N", help="The most rows that may be told apart.")]
+Tolerance = Annotated[
+    str,
+    typer.Option(
+        metavar="SIZE",
+        help="The bias that you can live with: in percent of the pixel's range, 1%, or absolute, 0.005. "
+        "0 hunts for any bias at all.",
+    ),
+]
+Alpha = Annotated[float, typer.Option(metavar="P", help="The risk of a wrong BIASED or DEVIATES anywhere in the run.")]
+Beta = Annotated[float, typer.Option(metavar="P", help="The risk of a wrong CONFORMS, for each pixel and channel.")]
+Budget = Annotated[int, typer.Option(metavar="N", help="The most replicates (runs of the subject) for each pixel.")]
+Seed = Annotated[int, typer.Option(metavar="N", min=0, help="Which random numbers: the same seed, the same results.")]
+Range = Annotated[
+    str | None,
+    typer.Option(
+        "--range",
+        metavar="LO,HI",
+        help="Bounds of every estimate, for subjects that leave the pixel's own values. [default: those values]",
+    ),
+]
+Timeout = Annotated[
+    float | None, typer.Option(metavar="SECONDS", help="Stop after this time with what is known by then.")
+]
+
+# -- where it goes --------------------------------------------------------------------------------
+
+Json = Annotated[
+    str | None, typer.Option("--json", metavar="FILE", help="Write everything as JSON; - is standard output.")
+]
+Html = Annotated[str | None, typer.Option(metavar="FILE", help="Write the verdicts as a page.")]
+Markdown = Annotated[str | None, typer.Option(metavar="FILE", help="Write the verdicts as Markdown.")]
+Directory = Annotated[
+    Path, typer.Option(metavar="DIR", help="Where it goes; a former report there is replaced as a whole.")
+]
+Picture = Annotated[Path, typer.Option(metavar="FILE", help="Where it goes; the suffix (svg, pdf, png) is the format.")]

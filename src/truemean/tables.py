@@ -1,0 +1,234 @@
+"""What the command line shows: a derivation, a judgement, and what there is to choose from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any
+
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+from rich.text import Text
+
+from truemean.adapters import Available
+from truemean.conformance.pixels import SETS
+from truemean.conformance.verdict import Case, PlanCheck, Report, Verdict
+from truemean.oracle.derivation import Derivation
+from truemean.oracle.pixel import Pixel
+from truemean.oracle.plan import Plan
+from truemean.oracle.rings import Approx
+from truemean.oracle.scene import load_scene, shipped_scenes
+from truemean.output import console, decimal, number, shortened
+
+__all__ = [
+    "RESULTS",
+    "call",
+    "derivation_json",
+    "print_adapters",
+    "print_derivation",
+    "print_judgement",
+    "print_pixels",
+    "print_plans",
+]
+
+RESULTS = ("expectation", "bias", "relative_bias", "variance", "std", "mse", "cost", "oracle_calls")
+MOST_PATHS = 20
+SHORT = 20  # characters of a ratio beside its decimal
+STYLES = {
+    Verdict.CONFORMS: "green",
+    Verdict.BIASED: "red",
+    Verdict.INCONCLUSIVE: "yellow",
+    Verdict.BROKEN: "magenta",
+    PlanCheck.FOLLOWS: "green",
+    PlanCheck.DEVIATES: "red",
+}
+
+
+def call(plan: Plan, params: Mapping[str, Any] | None = None) -> str:
+    """The plan with its parameters, or with their defaults, written as for --set."""
+    if params is None:
+        params = {n: "..." if p.default is p.empty else p.default for n, p in plan.signature.parameters.items()}
+    return f"{plan.name}({', '.join(f'{name}={value}' for name, value in params.items())})"
+
+
+# -- a derivation ---------------------------------------------------------------------------------
+
+
+def results(derivation: Derivation) -> dict[str, Any]:
+    """Every result by name; a relative bias is None at true mean 0."""
+    X = derivation.pixel
+    undefined = not all(X.mean if isinstance(X.mean, tuple) else (X.mean,))
+    found = {name: getattr(derivation, name) for name in RESULTS if name not in ("relative_bias", "std")}
+    found["relative_bias"] = None if undefined else derivation.relative_bias
+    variances = found["variance"]
+    found["std"] = tuple(map(_root, variances)) if isinstance(variances, tuple) else _root(variances)
+    return {name: found[name] for name in RESULTS}
+
+
+def derivation_json(derivation: Derivation, params: Mapping[str, Any], arithmetic: str) -> dict[str, Any]:
+    """A derivation for ``json.dumps``, exact numbers as ``"p/q"`` beside their floats."""
+    plan, X = derivation.plan, derivation.pixel
+    given = {name: number(value) for name, value in params.items()}
+    known = {"name": plan.name, "source": plan.source, "unbiased": plan.unbiased, "why": plan.why, "params": given}
+    pixel = {"values": number(X.values), "weights": number(X.weights), "true_mean": number(X.mean)}
+    paths = [
+        {"decisions": path.decisions, "probability": number(path.probability), "bias": number(path.bias)}
+        for path in derivation.paths
+    ]
+    return {
+        "schema": "truemean-derive/1",
+        "plan": known,
+        "pixel": pixel,
+        "arithmetic": arithmetic,
+        **{name: number(value) for name, value in results(derivation).items()},
+        "paths": paths,
+        "level": {sample: str(level) for sample, level in derivation.level.items()},
+        "rows": derivation.rows,
+    }
+
+
+def print_derivation(derivation: Derivation, params: Mapping[str, Any]) -> None:
+    """The results, the paths that the bias is a sum of, and what was modelled for it."""
+    plan, X = derivation.plan, derivation.pixel
+    _show(f"{call(plan, params)} on {_law(X)}; true mean {_inline(X.mean)}")
+    _show("; ".join(filter(None, (plan.source, _unbiased(plan)))))
+    table = _table("result", "decimal", "exactly" if isinstance(derivation.cost, Fraction) else "error at most")
+    for name, value in results(derivation).items():
+        for suffix, part in _channels(value):
+            table.add_row(name.replace("_", " ") + suffix, decimal(part), _beside(part))
+    _show(table)
+    paths = sorted(derivation.paths, key=lambda path: -max(abs(float(b)) for _, b in _channels(path.bias)))
+    table = _table("path: what the plan decided", "probability", "contribution to the bias")
+    for path in paths[:MOST_PATHS]:
+        bias = "\n".join(_both(part) for _, part in _channels(path.bias))
+        table.add_row(" and ".join(path.decisions) or "(nothing decided)", _both(path.probability), bias)
+    _show(table)
+    if len(paths) > MOST_PATHS:
+        _show(f"and {len(paths) - MOST_PATHS} more paths that contribute less: --json has them all")
+    modelled = ", ".join(f"{sample}: {level}" for sample, level in derivation.level.items()) or "no sample"
+    _show(f"modelled for the bias: {modelled}; {derivation.rows:,} rows")
+
+
+def _root(variance: Any) -> float:
+    value = max(float(variance), 0.0)
+    if not value and isinstance(variance, Fraction):  # smaller than any float, which its root need not be
+        return float((Decimal(variance.numerator) / Decimal(variance.denominator)).sqrt())
+    return math.sqrt(value)
+
+
+def _channels(value: Any) -> Iterable[tuple[str, Any]]:
+    if isinstance(value, tuple):
+        return [(f"[{channel}]", part) for channel, part in enumerate(value)]
+    return [("", value)]
+
+
+def _inline(value: Any) -> str:
+    return f"({', '.join(map(str, value))})" if isinstance(value, tuple) else str(value)
+
+
+def _beside(value: Any) -> str:
+    match value:
+        case Fraction():
+            return shortened(value)
+        case Approx():
+            return decimal(value.error, 2)
+        case None:
+            return "undefined where the true mean is 0"
+        case _:
+            return ""
+
+
+def _both(value: Any) -> str:
+    """The decimal, and p/q where that is short."""
+    rounded, ratio = decimal(value, 6), shortened(value) if isinstance(value, Fraction) else ""
+    return f"{rounded} = {ratio}" if "/" in ratio and len(ratio) <= SHORT else rounded
+
+
+def _unbiased(plan: Plan) -> str:
+    word = {True: "unbiased", False: "biased", None: ""}[plan.unbiased]
+    return f"{word}: {plan.why}" if plan.why else word
+
+
+# -- a judgement ----------------------------------------------------------------------------------
+
+
+def print_judgement(report: Report) -> None:
+    """A row for each case, then what is not decided, what was skipped, and the verdict in a sentence."""
+    declared = any(case.plan_check for case in report.cases)
+    columns = ["pixel", "verdict", "plan", "true mean I", "mean - I", "E[ξ] - I lies in", "std", "cost", "replicates"]
+    table = _table(*(column for column in columns if declared or column != "plan"))
+    for case in report.cases:
+        table.add_row(*_case_row(case, declared=declared))
+    _show(table)
+    for case in report.cases:
+        if case.verdict in (Verdict.INCONCLUSIVE, Verdict.BROKEN) or case.plan_check is PlanCheck.DEVIATES:
+            _show(f"{case.name}: {case.reason}")
+    for pixel, why in report.skipped.items():
+        _show(f"{pixel} skipped: {why}")
+    for note in report.notes:
+        _show(f"note: {note}")
+    at = f" at a tolerance of {report.arguments['tolerance']}: {report.subject}; {report.reason}"
+    _show(_verdict(report.verdict).append(at, style="default"))
+    if report.plan_check is PlanCheck.DEVIATES:
+        _show(_verdict(report.plan_check).append(": it does not follow the plan that it declares", style="default"))
+
+
+def _case_row(case: Case, *, declared: bool) -> list[str | Text]:
+    low, high = case.bias_interval
+    row: list[str | Text] = [case.name, _verdict(case.verdict)]
+    if declared:
+        row.append(_verdict(case.plan_check) if case.plan_check else "-")
+    seen = None if case.mean is None else case.mean - float(case.true_mean)
+    row += [decimal(case.true_mean, 4), decimal(seen, 4), f"[{decimal(low, 4)}, {decimal(high, 4)}]"]
+    return [*row, decimal(case.std, 3), decimal(case.cost, 4), str(case.replicates)]
+
+
+def _verdict(word: Verdict | PlanCheck) -> Text:
+    return Text(str(word), style=STYLES[word])
+
+
+# -- what there is --------------------------------------------------------------------------------
+
+
+def print_plans(plans: Iterable[Plan]) -> None:
+    """Each plan with its parameters, what it does, its source, and whether it is unbiased and why."""
+    for plan in plans:
+        _show(f"{call(plan)}\n    {plan.doc}\n    {_unbiased(plan)}\n    {plan.source}\n")
+
+
+def print_pixels() -> None:
+    """The pixels of each set with what they stress, and the shipped scenes."""
+    table = _table("pixel", "values and weights", "what it stresses")
+    for name, pixels in SETS.items():
+        for short, standard in pixels.items():
+            table.add_row(f"{name}:{short}", _law(standard.pixel), standard.stresses)
+    for name in shipped_scenes():
+        scene = load_scene(name)
+        table.add_row(f"{name}#x,y", f"a scene of {scene.width} x {scene.height} pixels", scene.comment)
+    _show(table)
+
+
+def print_adapters(adapters: Iterable[Available]) -> None:
+    """Each adapter, the version of what it runs, and how to get it."""
+    table = _table("adapter", "version", "how to get it", "SUBJECT: what it runs")
+    for adapter in adapters:
+        table.add_row(adapter.name, adapter.version or "not installed", adapter.how, adapter.help)
+    _show(table)
+
+
+def _law(X: Pixel) -> str:
+    return ", ".join(f"{_inline(value)}:{weight}".replace(" ", "") for value, weight in X.law.items())
+
+
+def _show(what: str | Text | Table) -> None:
+    """A table within the width of the terminal; a sentence on one line, which a terminal folds and grep finds."""
+    console().print(what, soft_wrap=not isinstance(what, Table))
+
+
+def _table(*columns: str) -> Table:
+    table = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    for column in columns:
+        table.add_column(column, overflow="fold")
+    return table
