@@ -14,8 +14,9 @@ from truemean.errors import InputError, InputTypeError, UnknownName
 from truemean.oracle.distribution import joined_law
 from truemean.oracle.evaluate import check_closed
 from truemean.oracle.features import Level
-from truemean.oracle.forms import Form, prepare
+from truemean.oracle.forms import prepare
 from truemean.oracle.law import Law, SubLaw
+from truemean.oracle.moments import Form
 from truemean.oracle.paths import Exploration, Path
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.plan import Plan, as_plan
@@ -24,7 +25,7 @@ from truemean.oracle.rings import Approx, Batch, Exact, Float64, Ring, rounded
 __all__ = ["Derivation", "DerivedPath", "derive"]
 
 ROWS = 2_000_000
-_RINGS: dict[str, type[Exact] | type[Float64]] = {"exact": Exact, "float64": Float64}
+_RINGS: dict[str, type[Exact | Float64]] = {"exact": Exact, "float64": Float64}
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +139,9 @@ class Derivation:
         if isinstance(weights, Mapping):
             pixel = Pixel(weights)
             if set(pixel.values) != set(self.pixel.values):
-                raise InputError(f"weights for {list(weights)} are not weights for the values {list(self.pixel.values)}")
+                raise InputError(
+                    f"weights for {list(weights)} are not weights for the values {list(self.pixel.values)}"
+                )
             return derive(self.plan, pixel, **self._exploration.params)
         pixel = self.pixel
         if pixel.regions:
@@ -209,7 +212,9 @@ class Derivation:
     def _held(self, name: str, value: Any) -> Any:
         """The value, or the exact one rounded where floats can't hold the relative tolerance asked for."""
         rtol = self._rtol
-        if rtol is None or all(v.error <= rtol * abs(v.value) for v in (value if isinstance(value, tuple) else (value,))):
+        if rtol is None or all(
+            v.error <= rtol * abs(v.value) for v in (value if isinstance(value, tuple) else (value,))
+        ):
             return value
         exact = getattr(Derivation(self.plan, self.pixel, Exact(), self._exploration, None), name)
         return tuple(map(rounded, exact)) if isinstance(exact, tuple) else rounded(exact)

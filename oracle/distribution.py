@@ -8,7 +8,8 @@ from typing import Any
 
 from truemean.oracle.columns import Column, grouping, integers
 from truemean.oracle.evaluate import Evaluator, leaves
-from truemean.oracle.forms import keep_versions, linear, per_draw
+from truemean.oracle.forms import keep_versions
+from truemean.oracle.linear import linear, per_draw
 from truemean.oracle.paths import Exploration, Path
 from truemean.oracle.quantity import Quantity, constant
 from truemean.oracle.rings import Ring
@@ -54,7 +55,9 @@ def _path_law(rows: Rows, by_channel: list[list[Quantity]], ring: Ring, lenient:
     unit = 1
     for block, values in zip(blocks, columns, strict=True):
         if block.entries:
-            block_law, scale = _block_law(block, [v * Column.constant(u) for v, u in zip(values, units, strict=True)], ring)
+            block_law, scale = _block_law(
+                block, [v * Column.constant(u) for v, u in zip(values, units, strict=True)], ring
+            )
             law = _convolved(law, block_law)
             unit *= scale
         else:

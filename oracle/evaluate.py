@@ -264,4 +264,3 @@ _OPERATIONS: dict[str, Callable[..., Value]] = {
     "ceil": _integer("ceil"),
     "round": _integer("round"),
 }
-

@@ -1,13 +1,7 @@
-"""The estimate of one path as a linear form in sums of draws, and its moments in any ring.
-
-Given the rows, an estimate is ``b + sum of a_j (sum of the draws of S_j)`` with a and b known on
-each row. Tables hold centred sums, so the bias needs no difference of nearly equal numbers, and a
-sample that nobody looked at adds exactly zero to it.
-"""
+"""From the expression that a path returned to a form: coefficients on rows observed as far as needed."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -19,141 +13,17 @@ from truemean.oracle.enclose import enclosures
 from truemean.oracle.evaluate import Evaluator, leaves
 from truemean.oracle.features import total
 from truemean.oracle.law import Law
+from truemean.oracle.linear import ZERO, Linear, Truth, added_up, least, linear, per_draw, plus, times
+from truemean.oracle.moments import Form, Part, Unseen
 from truemean.oracle.observing import Replay
 from truemean.oracle.paths import Path
-from truemean.oracle.population import Sample
-from truemean.oracle.quantity import Decision, Node, Quantity, constant, quantity, text
-from truemean.oracle.rings import Batch, Ring
-from truemean.oracle.rows import Block, Entry, Rows, product
+from truemean.oracle.quantity import Node, Quantity, constant, quantity, text
+from truemean.oracle.rows import Block, Entry, Rows
+from truemean.oracle.sample import Sample
 
-__all__ = ["Form", "Part", "prepare"]
+__all__ = ["keep_versions", "prepare"]
 
-ZERO, ONE = constant(0), constant(1)
-Truth = tuple[Law, int]
-
-
-@dataclass(slots=True)
-class Linear:
-    """``rest + sum coefficient * mean or sum of a sample + sum coefficient * true mean``."""
-
-    samples: list[tuple[Quantity, Quantity]] = field(default_factory=list)
-    truths: list[tuple[Truth, Quantity]] = field(default_factory=list)
-    rest: Quantity = field(default_factory=lambda: ZERO)
-
-    def plus(self, other: Linear) -> Linear:
-        """The sum of two forms."""
-        return Linear(self.samples + other.samples, self.truths + other.truths, _plus(self.rest, other.rest))
-
-    def times(self, factor: Quantity) -> Linear:
-        """The form times something known on each row."""
-        return Linear(
-            [(leaf, _times(c, factor)) for leaf, c in self.samples],
-            [(truth, _times(c, factor)) for truth, c in self.truths],
-            _times(self.rest, factor),
-        )
-
-
-def linear(node: Quantity) -> Linear:
-    """Read an expression as a linear form; what is not linear becomes part of the rest."""
-    op, args = node.op, node.args
-    if op in ("mean", "sum"):
-        return Linear(samples=[(node, ONE)])
-    if op == "true mean":
-        return Linear(truths=[((args[0], args[1]), ONE)])
-    if not _has_means(node):
-        return Linear(rest=node)
-    if op == "+":
-        return linear(args[0]).plus(linear(args[1]))
-    if op == "-":
-        return linear(args[0]).plus(linear(args[1]).times(constant(-1)))
-    if op == "*" and not _has_means(args[0], truths=False):
-        return linear(args[1]).times(args[0])
-    if op == "*" and not _has_means(args[1], truths=False):
-        return linear(args[0]).times(args[1])
-    if op == "/" and not _has_means(args[1], truths=False):
-        return linear(args[0]).times(Quantity("/", ONE, args[1]))
-    if op == "where" and (_linear_inside(args[1]) or _linear_inside(args[2])):
-        yes = linear(args[1]).times(Quantity("where", args[0], ONE, ZERO))
-        return yes.plus(linear(args[2]).times(Quantity("where", args[0], ZERO, ONE)))
-    return Linear(rest=node)
-
-
-def _linear_inside(node: Quantity) -> bool:
-    form = linear(node)
-    return bool(form.samples or form.truths)
-
-
-def _has_means(node: Node, truths: bool = True) -> bool:
-    if node.op in ("mean", "sum") or (truths and node.op == "true mean"):
-        return True
-    if node.op in ("stat", "flat", "const"):
-        return False
-    return any(_has_means(a, truths) for a in node.args if isinstance(a, Node))
-
-
-def _plus(a: Quantity, b: Quantity) -> Quantity:
-    if a.op == b.op == "const":
-        return constant(a.args[0] + b.args[0])
-    if a.op == "const" and a.args[0] == 0:
-        return b
-    return a if b.op == "const" and b.args[0] == 0 else Quantity("+", a, b)
-
-
-def _times(a: Quantity, b: Quantity) -> Quantity:
-    if a.op == b.op == "const":
-        return constant(a.args[0] * b.args[0])
-    for x, y in ((a, b), (b, a)):
-        if x.op == "const" and x.args[0] in (0, 1):
-            return y if x.args[0] else ZERO
-    return Quantity("*", a, b)
-
-
-# -- from expression to form -----------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class Unseen:
-    """Draws that no decision looked at: their coefficient and number, by row or constant."""
-
-    law: Law
-    column: int
-    factor: Column
-    size: Column
-
-
-@dataclass(frozen=True, slots=True)
-class Part:
-    """What one block contributes: coefficients of its entries, of unseen draws, and the rest."""
-
-    block: Block
-    factors: tuple[tuple[Entry, int, Column], ...]
-    unseen: tuple[Unseen, ...]
-    truths: tuple[tuple[Truth, Column], ...]
-    rest: Column
-
-    @property
-    def trivial(self) -> bool:
-        """Whether it adds nothing to the mean."""
-        return not self.factors and self.rest.is_zero and all(c.is_zero for _, c in self.truths)
-
-
-@dataclass(frozen=True, slots=True)
-class Form:
-    """The estimate of a path, minus the true mean if centred, as parts of independent blocks."""
-
-    rows: Rows
-    parts: tuple[Part, ...]
-    slack: Fraction
-
-    def moments(self, ring: Ring, order: int) -> list[Any]:
-        """``[P, E[value; path], E[value^2; path]]`` up to an order, in the ring's numbers."""
-        found = [_part_moments(part, ring, order) for part in self.parts]
-        others = [b for b in self.rows.blocks if not any(b is p.block for p in self.parts)]
-        return product([*found, *([b.mass(ring)] + [_zero(ring)] * order for b in others)])
-
-    def mean(self, ring: Ring) -> Any:
-        """E[value; path]; zero without any work where every part adds nothing."""
-        return _zero(ring) if all(p.trivial for p in self.parts) else self.moments(ring, 1)[1]
+_HEADROOM = 1 << 60  # what an irrational coefficient may be multiplied by
 
 
 @dataclass(slots=True)
@@ -229,7 +99,7 @@ def _draft_sample(draft: _Draft, terms: list[tuple[Quantity, Quantity]], order: 
     """Turn terms in one sample into coefficients of the sums of its segments."""
     sample: Sample = terms[0][0].args[0]
     if len({leaf.args[2] for leaf, _ in terms}) > 1:
-        draft.rest += [_times(leaf, coefficient) for leaf, coefficient in terms]
+        draft.rest += [times(leaf, coefficient) for leaf, coefficient in terms]
         return
     if sample.chances is not None or sample.loop is not None:
         draft.join([leaf for leaf, _ in terms])
@@ -243,112 +113,94 @@ def _draft_sample(draft: _Draft, terms: list[tuple[Quantity, Quantity]], order: 
         span = leaf.args[1]
         draft.path.observer.keep_versions(draft.rows, sample, [span])
         size = quantity(sample.size_of(*span))
-        whole = coefficient if leaf.op == "mean" else _times(coefficient, size)
+        whole = coefficient if leaf.op == "mean" else times(coefficient, size)
         draft.truths.append(((sample.law, column), whole))
         factors.append((span, per_draw(leaf, coefficient)))
         if leaf.op == "mean" and least(size) < 1:
             draft.checks.append(factors[-1][1])
     covered = entries[-1].last if entries else 0
     for e in entries:
-        draft.factors.append((sample, e.first, column, _sum(f for s, f in factors if s[0] <= e.first < s[1])))
+        draft.factors.append((sample, e.first, column, added_up(f for s, f in factors if s[0] <= e.first < s[1])))
     if order > 1:
         for number, segment in enumerate(sample.segments[covered:], covered):
-            factor = _sum(f for s, f in factors if s[0] <= number < s[1])
+            factor = added_up(f for s, f in factors if s[0] <= number < s[1])
             draft.unseen.append((sample.law, column, factor, quantity(segment.size)))
-
-
-def per_draw(leaf: Quantity, coefficient: Quantity) -> Quantity:
-    """The coefficient of each draw; 0 where that of the mean is: an empty sample may stand with coefficient 0."""
-    if leaf.op == "sum":
-        return coefficient
-    size = quantity(leaf.args[0].size_of(*leaf.args[1]))
-    if coefficient.op == "const":
-        if not coefficient.args[0]:
-            return ZERO
-        return constant(coefficient.args[0] / size.args[0]) if size.op == "const" else Quantity("/", coefficient, size)
-    return Quantity("where", Decision("==", coefficient, ZERO), ZERO, Quantity("/", coefficient, size))
-
-
-def least(node: Node) -> Fraction | float:
-    """A lower bound of a quantity that needs no rows."""
-    op, args = node.op, node.args
-    if op == "const":
-        return args[0]  # type: ignore[no-any-return]
-    if op in ("where", "min", "max", "+"):
-        parts = [least(a) for a in args[-2:]]
-        return {"where": min, "min": min, "max": max, "+": lambda p: p[0] + p[1]}[op](parts)
-    if op in ("floor", "ceil", "round"):
-        inner = least(args[0])
-        return inner if inner == -math.inf else math.floor(inner)
-    return 0 if op == "stat" and args[2] == "size" else -math.inf
-
-
-def _sum(nodes: Iterable[Quantity]) -> Quantity:
-    total = ZERO
-    for node in nodes:
-        total = _plus(total, node)
-    return total
 
 
 def _added(truths: list[tuple[Truth, Quantity]]) -> list[tuple[Truth, Quantity]]:
     """Coefficients of equal true means added up, so that 1 - 1 is nothing at all."""
     totals: dict[Truth, Quantity] = {}
     for truth, coefficient in truths:
-        totals[truth] = _plus(totals.get(truth, ZERO), coefficient)
+        totals[truth] = plus(totals.get(truth, ZERO), coefficient)
     return [(t, c) for t, c in totals.items() if not (c.op == "const" and c.args[0] == 0)]
 
 
 def _finished(draft: _Draft, approximate: bool) -> Form:
     """Evaluate every coefficient on the block that its samples have ended in."""
-    constants = Block((), 1)
-    gathered: dict[int, dict[str, list[Any]]] = {}
-    blocks: dict[int, Block] = {}
-    evaluators: dict[int, Evaluator] = {}
-    slack = Fraction(0)
-
-    def home(nodes: list[Node], sample: Sample | None = None) -> tuple[dict[str, list[Any]], Evaluator]:
-        samples = [leaf.args[0] for leaf in leaves(*nodes)] + ([] if sample is None else [sample])
-        block = draft.rows.of(samples[0]) if samples else None
-        block = block or constants
-        blocks[id(block)] = block
-        evaluator = evaluators.setdefault(id(block), Evaluator(block, draft.path.exploration.lenient))
-        return gathered.setdefault(id(block), {"factors": [], "unseen": [], "truths": [], "rest": []}), evaluator
-
-    def column(evaluator: Evaluator, node: Quantity) -> Column:
-        nonlocal slack
-        try:
-            return evaluator.column(node)
-        except NotRational:
-            if not approximate:
-                raise NotExact(
-                    f"the estimate needs {text(node)}, which is irrational: use arithmetic='float64'"
-                ) from None
-            found, radius = _midpoints(evaluator, node)
-            slack += radius
-            return found
-
-    for sample, first, c, factor in draft.factors:
-        place, evaluator = home([factor], sample)
-        entry = next(e for e in evaluator.block.entries_of(sample) if e.first == first)
-        value = column(evaluator, factor)
+    homes = _Homes(draft, approximate)
+    for sample, first, column, factor in draft.factors:
+        place = homes.of([factor], sample)
+        entry = next(e for e in place.evaluator.block.entries_of(sample) if e.first == first)
+        value = homes.column(place, factor)
         if not value.is_zero:
-            place["factors"].append((entry, c, value))
-    for law, c, factor, size in draft.unseen:
-        place, evaluator = home([factor, size])
-        place["unseen"].append(Unseen(law, c, column(evaluator, factor), column(evaluator, size)))
+            place.factors.append((entry, column, value))
+    for law, column, factor, size in draft.unseen:
+        place = homes.of([factor, size])
+        place.unseen.append(Unseen(law, column, homes.column(place, factor), homes.column(place, size)))
     for truth, coefficient in _added(draft.truths):
-        place, evaluator = home([coefficient])
-        place["truths"].append((truth, column(evaluator, coefficient)))
+        place = homes.of([coefficient])
+        place.truths.append((truth, homes.column(place, coefficient)))
     for node in draft.checks:
-        column(home([node])[1], node)
+        homes.column(homes.of([node]), node)
     for node in draft.rest:
-        place, evaluator = home([node])
-        place["rest"].append(column(evaluator, node))
-    parts = []
-    for key, found in gathered.items():
-        rest = sum(found["rest"][1:], found["rest"][0]) if found["rest"] else Column.constant(0)
-        parts.append(Part(blocks[key], *(tuple(found[n]) for n in ("factors", "unseen", "truths")), rest))
-    return Form(draft.rows, tuple(parts), slack)
+        place = homes.of([node])
+        place.rest = place.rest + homes.column(place, node)
+    return Form(draft.rows, tuple(place.part() for place in homes.places.values()), homes.slack)
+
+
+@dataclass(slots=True)
+class _Place:
+    """What is gathered for one block."""
+
+    evaluator: Evaluator
+    factors: list[tuple[Entry, int, Column]] = field(default_factory=list)
+    unseen: list[Unseen] = field(default_factory=list)
+    truths: list[tuple[Truth, Column]] = field(default_factory=list)
+    rest: Column = field(default_factory=lambda: Column.constant(0))
+
+    def part(self) -> Part:
+        """The block's part of the form."""
+        return Part(self.evaluator.block, tuple(self.factors), tuple(self.unseen), tuple(self.truths), self.rest)
+
+
+class _Homes:
+    """Each expression belongs to the block of the samples that it reads, constants to an empty one."""
+
+    def __init__(self, draft: _Draft, approximate: bool) -> None:
+        self.draft, self.approximate = draft, approximate
+        self.constants = Block((), 1)
+        self.places: dict[int, _Place] = {}
+        self.slack = Fraction(0)
+
+    def of(self, nodes: list[Quantity], sample: Sample | None = None) -> _Place:
+        """The place of what the nodes read; of a sample where they read nothing."""
+        samples = [leaf.args[0] for leaf in leaves(*nodes)] or [sample]
+        block = (self.draft.rows.of(samples[0]) if samples[0] is not None else None) or self.constants
+        if id(block) not in self.places:
+            self.places[id(block)] = _Place(Evaluator(block, self.draft.path.exploration.lenient))
+        return self.places[id(block)]
+
+    def column(self, place: _Place, node: Quantity) -> Column:
+        """A coefficient by row; irrational ones within a slack if that is allowed."""
+        try:
+            return place.evaluator.column(node)
+        except NotRational:
+            if not self.approximate:
+                message = f"the estimate needs {text(node)}, which is irrational: use arithmetic='float64'"
+                raise NotExact(message) from None
+        found, radius = _midpoints(place.evaluator, node)
+        self.slack += radius * _HEADROOM
+        return found
 
 
 def _midpoints(evaluator: Evaluator, node: Quantity, bits: int = 160) -> tuple[Column, Fraction]:
@@ -362,108 +214,3 @@ def _midpoints(evaluator: Evaluator, node: Quantity, bits: int = 160) -> tuple[C
         middles.append(Fraction(int(middle.p), int(middle.q)))
         radius = max(radius, Fraction(int(distance.p), int(distance.q)))
     return Column.of(middles), radius
-
-
-# -- moments of a part -----------------------------------------------------------------------------
-
-
-def _part_moments(part: Part, ring: Ring, order: int) -> list[Any]:
-    if not part.block.entries:
-        return _constant_moments(part, ring, order)
-    if len(part.block.entries) == 1 and part.block.factor is None and not isinstance(ring, Batch):
-        return _weighed(part, ring, order)
-    return _rowwise(part, ring, order)
-
-
-def _shift(part: Part) -> Column:
-    """b on each row: the rest and the true means, exactly."""
-    shift = part.rest
-    for (law, column), coefficient in part.truths:
-        shift = shift + coefficient * Column.constant(law.mean(column))
-    return shift
-
-
-def _spread(part: Part) -> Column:
-    """The variance that unseen draws add on each row."""
-    total = Column.constant(0)
-    for u in part.unseen:
-        total = total + u.factor * u.factor * u.size * Column.constant(u.law.variance(u.column))
-    return total
-
-
-def _constant_moments(part: Part, ring: Ring, order: int) -> list[Any]:
-    one = ring.number(Fraction(1))
-    if isinstance(ring, Batch):
-        shift = ring.number(part.rest.fractions()[0])
-        for (law, column), coefficient in part.truths:
-            shift = shift + float(coefficient.fractions()[0]) * ring.mean(law, column)
-        spread = _zero(ring)
-        for u in part.unseen:
-            spread = spread + float((u.factor * u.factor * u.size).fractions()[0]) * ring.variance(u.law, u.column)
-        return [one, shift, shift * shift + spread][: order + 1]
-    shift, spread = _shift(part).fractions()[0], _spread(part).fractions()[0]
-    return [one, ring.number(shift), ring.number(shift * shift + spread)][: order + 1]
-
-
-def _weighed(part: Part, ring: Ring, order: int) -> list[Any]:
-    """One entry: moments as sums over its table, without writing out its rows."""
-    (entry,) = part.block.entries
-    b = _shift(part)
-    a = part.factors[0][2] if part.factors else Column.constant(0)
-    c = part.factors[0][1] if part.factors else 0
-    one = Column.constant(1)
-
-    def weigh(power: int, factor: Column) -> Any:
-        return _zero(ring) if factor.is_zero else entry.table.weigh(ring, c, power, factor, entry.index)
-
-    found = [weigh(0, one)]
-    if order > 0:
-        found.append(weigh(1, a) + weigh(0, b))
-    if order > 1:
-        cross = a * b * Column.constant(2)
-        found.append(weigh(2, a * a) + weigh(1, cross) + weigh(0, b * b + _spread(part)))
-    return found
-
-
-def _rowwise(part: Part, ring: Ring, order: int) -> list[Any]:
-    """Several entries: multiply moments row by row, then add up."""
-    rows, scaled = part.block.size, {id(e): (c, f) for e, c, f in part.factors}
-    moments = []
-    for entry in part.block.entries:
-        c, factor = scaled.get(id(entry), (0, None))
-        mass = entry.table.moment(ring, 0, 0)[entry.index]
-        found, power = [mass], Column.constant(1)
-        for n in range(1, order + 1):
-            power = power * factor if factor is not None else Column.constant(0)
-            found.append(entry.table.moment(ring, c, n)[entry.index].scale(power.spread(rows)) if factor is not None
-                         else mass.scale(Column.constant(0).spread(rows)))
-        moments.append(found)
-    unit = ring.vector(Column.constant(1).spread(rows))
-    shift = _shift_vector(part, ring, rows)
-    moments.append([unit, shift, shift * shift + _spread_vector(part, ring, rows)][: order + 1])
-    joint = product(moments)
-    if part.block.factor is not None:
-        joint = [m.scale(part.block.factor) for m in joint]
-    return [m.sum() for m in joint]
-
-
-def _shift_vector(part: Part, ring: Ring, rows: int) -> Any:
-    if not isinstance(ring, Batch):
-        return ring.vector(_shift(part).spread(rows))
-    shift = ring.vector(part.rest.spread(rows))
-    for (law, column), coefficient in part.truths:
-        shift = shift + ring.outer(coefficient.spread(rows), ring.mean(law, column))
-    return shift
-
-
-def _spread_vector(part: Part, ring: Ring, rows: int) -> Any:
-    if not isinstance(ring, Batch):
-        return ring.vector(_spread(part).spread(rows))
-    spread = ring.vector(Column.constant(0).spread(rows))
-    for u in part.unseen:
-        spread = spread + ring.outer((u.factor * u.factor * u.size).spread(rows), ring.variance(u.law, u.column))
-    return spread
-
-
-def _zero(ring: Ring) -> Any:
-    return ring.number(Fraction(0))

@@ -32,7 +32,7 @@ class Lattice:
 
     @cached_property
     def mean(self) -> Fraction:
-        """base + step E[e]."""
+        """Base + step E[e]."""
         return self.base + self.step * Fraction(self._moment(1), sum(self.masses))
 
     @cached_property

@@ -17,10 +17,10 @@ from truemean.oracle.columns import Ints
 from truemean.oracle.evaluate import Evaluator
 from truemean.oracle.features import Level
 from truemean.oracle.law import Law
-from truemean.oracle.population import Sample, Segment
 from truemean.oracle.quantity import CURRENT, Decision, Quantity, decision
 from truemean.oracle.rings import Ring
 from truemean.oracle.rows import Block, Entry
+from truemean.oracle.sample import Sample, Segment
 from truemean.oracle.tables import MonomialTable
 
 if TYPE_CHECKING:
@@ -70,7 +70,9 @@ class Loop:
     check_budget: Callable[[int, str], None]
 
     @classmethod
-    def declare(cls, path: Path, law: Law, colour: bool, stop: Any, start: Any, step: Any, most: Any, parts: Any) -> Loop:
+    def declare(
+        cls, path: Path, law: Law, colour: bool, stop: Any, start: Any, step: Any, most: Any, parts: Any
+    ) -> Loop:
         """Call ``stop`` once on a view of the sample, and keep the decision that it describes."""
         for name, number in (("start", start), ("step", step), ("most", most), ("parts", parts)):
             if not isinstance(number, int):

@@ -15,9 +15,9 @@ from truemean.errors import PlanError
 from truemean.oracle.columns import Column, Ints
 from truemean.oracle.evaluate import Evaluator, leaves
 from truemean.oracle.features import Level, gives, level
-from truemean.oracle.population import Sample
 from truemean.oracle.quantity import Node, Quantity, text
 from truemean.oracle.rows import Block, Entry, Rows, StackedTable
+from truemean.oracle.sample import Sample
 from truemean.oracle.statistics import features_of
 from truemean.oracle.tables import Table
 

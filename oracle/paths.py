@@ -8,7 +8,7 @@ run again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from numbers import Rational
@@ -20,13 +20,15 @@ from truemean.errors import InputError, NotDeterministic, PlanError, RowBudgetEx
 from truemean.oracle.evaluate import Evaluator, check_closed, leaves
 from truemean.oracle.exact import exact_number
 from truemean.oracle.features import Level
+from truemean.oracle.importance import proposal_law
 from truemean.oracle.law import Law, SubLaw
-from truemean.oracle.pixel import Pixel
-from truemean.oracle.population import Population, Sample, Segment
-from truemean.oracle.quantity import CURRENT, Decision, Node, Quantity, Vector, constant, quantity, text
 from truemean.oracle.observing import Observer, Replay
+from truemean.oracle.pixel import Pixel
+from truemean.oracle.population import Population
+from truemean.oracle.quantity import CURRENT, Decision, Node, Quantity, Vector, constant, quantity, text
 from truemean.oracle.rings import Exact, Float64
 from truemean.oracle.rows import Block, Rows
+from truemean.oracle.sample import Sample, Segment
 from truemean.oracle.tables import Table, power, rows_of
 
 __all__ = ["Exploration", "Path"]
@@ -190,8 +192,8 @@ class Path:
         """Run once more by recorded answers only: the same estimate must come back."""
         again = Path(self.exploration, Pending(tuple(side for _, side in self.taken), Rows()))
         again.run()
-        same = [a.key for a in again.result] == [b.key for b in self.result]
-        if not same or again.cost.key != self.cost.key or len(again.taken) != len(self.taken):
+        first, second = ([len(p.taken), len(p.samples), *(r.key for r in p.result)] for p in (self, again))
+        if first != second:
             raise NotDeterministic(
                 f"the plan returned {_tuple_text(self.result)}, then {_tuple_text(again.result)} on the same path "
                 f"({self.text()}): make its own choices with X.coin or X.pick"
@@ -223,12 +225,9 @@ class Path:
         if depth < len(prefix):
             side = prefix[depth]
             if self._working:
-                kept = self._split(decision)[0 if side else 1]
-                assert kept is not None
-                self.rows = kept
+                self.rows = self._split(decision)[0 if side else 1] or self.rows
             elif depth + 1 == len(prefix):
-                assert self.task.rows is not None
-                self.rows, self._working = self.task.rows, True
+                self.rows, self._working = self.task.rows or self.rows, True
         else:
             side = self._fork(decision)
         self.taken.append((point, side))
@@ -247,11 +246,8 @@ class Path:
         yes, no = self._split(decision)
         if yes is not None and no is not None:
             self.forks.append(Pending((*(side for _, side in self.taken), False), no))
-        side = yes is not None
-        kept = yes if side else no
-        assert kept is not None
-        self.rows = kept
-        return side
+        self.rows = yes or no or self.rows
+        return yes is not None
 
     def _split(self, decision: Decision) -> tuple[Rows | None, Rows | None]:
         self._check_own(decision)
@@ -289,7 +285,9 @@ class Path:
     def _check_own(self, *nodes: Node) -> None:
         for leaf in leaves(*nodes):
             if leaf.args[0].path is not self:
-                raise PlanError(f"{leaf!r} is of an earlier run of the plan: don't keep samples or quantities outside it")
+                raise PlanError(
+                    f"{leaf!r} is of an earlier run of the plan: don't keep samples or quantities outside it"
+                )
 
     def segment(self, law: Law, n: Any, least: int) -> Segment:
         """Some draws: their number checked, or a quantity kept for later."""
@@ -303,7 +301,9 @@ class Path:
     def sample(self, law: Law, segments: list[Segment], colour: bool, name: str | None = None) -> Sample:
         """A new sample, known by its place in the tree of paths."""
         if CURRENT.get() is not self:
-            raise PlanError(f"a draw of {law.name} outside the run of the plan (or inside a stop rule): draw in the plan")
+            raise PlanError(
+                f"a draw of {law.name} outside the run of the plan (or inside a stop rule): draw in the plan"
+            )
         label = (self._point, self._ordinal)
         self._ordinal += 1
         number = 1 + sum(1 for s in self.samples if s.law.cost and not isinstance(s.law, SubLaw))
@@ -313,13 +313,12 @@ class Path:
 
     def choice(self, weights: list[Quantity], name: str, normalise: bool) -> Quantity:
         """A choice of the estimator itself: a sample of size 1 that costs nothing."""
-        fixed = [w.args[0] if w.op == "const" else _constant(w) for w in weights]
-        chances = None
-        if all(w is not None for w in fixed):
-            total = sum(fixed)
+        fixed = [number for w in weights if (number := _constant(w)) is not None]
+        if len(fixed) == len(weights):
+            chances, total = None, sum(fixed, Fraction(0))
             if min(fixed) < 0 or not total or (not normalise and total != 1):
                 raise InputError(f"{name}: probabilities {', '.join(map(str, fixed))} must lie between 0 and 1")
-            probabilities = [w / total for w in fixed]
+            probabilities = [number / total for number in fixed]
         else:
             chances, probabilities = weights, [Fraction(1, len(weights))] * len(weights)
         key = (name, tuple(probabilities))
@@ -353,35 +352,9 @@ class Path:
         return self.sample(sub, [self.segment(sub, 1, 1)], sub.channels > 1 or bool(pixel.channels), sub.name)
 
     def proposal(self, pixel: Pixel, proposal: Any) -> Law:
-        """The pixel's values under other weights, with density ratios to weight them back."""
-        other = proposal if isinstance(proposal, Pixel) else Pixel(proposal)
-        weights = [other.law.get(value, Fraction(0)) for value in pixel.values]
-        for value, weight, q in zip(pixel.values, pixel.weights, weights, strict=True):
-            if weight and not q:
-                raise PlanError(f"the proposal never draws {value}, which has weight {weight}: give it some weight")
-        if sum(weights) != 1:
-            raise PlanError("the proposal draws values that the pixel has not: use the pixel's own values")
-        key = ("proposal", pixel.values, pixel.weights, tuple(weights))
-        if key not in self.exploration.laws:
-            atoms = [v if isinstance(v, tuple) else (v,) for v in pixel.values]
-            law = Law(atoms, weights, "X from a proposal")
-            law.ratios = {a: w / q for a, w, q in zip(atoms, pixel.weights, weights, strict=True) if q}
-            self.exploration.laws[key] = law
-        return self.exploration.laws[key]
-
-    def weighted_columns(self, sample: Sample, weight: Any) -> list[int]:
-        """Columns of weight times value, by channel; ``weight="ratio"`` is the density ratio."""
-        factors = _factors(sample.law, weight)
-        law = sample.law
-        return [law.add_column([f * v[c] for f, v in zip(factors, law.values, strict=True)]) for c in range(law.channels)]
-
-    def ratio_mean(self, sample: Sample) -> Any:
-        """Sum of ratio times value over sum of ratio."""
-        ratio = sample.law.add_column(_factors(sample.law, "ratio"))
-        span = (0, len(sample.segments))
-        below = Quantity("sum", sample, span, ratio)
-        found = [Quantity("sum", sample, span, c) / below for c in self.weighted_columns(sample, "ratio")]
-        return Vector(found) if sample.colour else found[0]
+        """The law of a proposal; the same one on every path."""
+        law = proposal_law(pixel, proposal)
+        return self.exploration.laws.setdefault(("proposal", pixel.values, pixel.weights, law.weights), law)
 
     def law_of(self, pixel: Pixel) -> Law:
         """The law of a pixel."""
@@ -427,16 +400,6 @@ def _size(n: Any, least: int) -> int | Quantity:
     return int(number)
 
 
-def _factors(law: Law, weight: Any) -> list[Fraction]:
-    if isinstance(weight, str) and weight == "ratio":
-        ratios = law.ratios or {}
-        if not ratios:
-            raise PlanError("weight='ratio' needs a sample of X.from_(proposal)")
-        return [ratios[v] for v in law.values]
-    plain = [v if law.channels > 1 else v[0] for v in law.values]
-    return [exact_number(weight(v) if callable(weight) else weight[v], "weight") for v in plain]
-
-
 def _estimate(result: Any, pixel: Pixel) -> tuple[Quantity, ...]:
     """The estimate by channel; PlanError if it is none."""
     if isinstance(result, Vector | tuple) and pixel.channels == len(result):
@@ -459,5 +422,3 @@ def _number(part: Any) -> Quantity:
 
 def _tuple_text(result: tuple[Quantity, ...]) -> str:
     return ", ".join(map(text, result))
-
-

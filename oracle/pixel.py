@@ -185,7 +185,9 @@ def _read_law(law: Mapping[Any, Any]) -> dict[Value, Fraction]:
     if not merged:
         raise InputError("a pixel needs at least one value: write Pixel({0: '7/8', 1: '1/8'})")
     if len({len(v) if isinstance(v, tuple) else 0 for v in merged}) > 1:
-        raise InputError(f"values {', '.join(map(_text, merged))} mix scalars and colours, or colours of different lengths")
+        raise InputError(
+            f"values {', '.join(map(_text, merged))} mix scalars and colours, or colours of different lengths"
+        )
     total = sum(merged.values())
     if total != 1:
         raise InputError(f"weights {', '.join(map(str, merged.values()))} sum to {total}, not to 1")

@@ -119,4 +119,6 @@ def as_plan(given: Any) -> Plan:
         return given
     if callable(given) and not isinstance(given, Quantity):
         return Plan(given)
-    raise InputTypeError(f"plan={given!r} (type={type(given).__name__}) is not a function of X: see truemean list plans")
+    raise InputTypeError(
+        f"plan={given!r} (type={type(given).__name__}) is not a function of X: see truemean list plans"
+    )

@@ -19,7 +19,20 @@ import numpy as np
 from truemean.errors import PlanError
 from truemean.oracle.exact import exact_number
 
-__all__ = ["CURRENT", "Deciding", "Decision", "Node", "Quantity", "Vector", "by_channel", "constant", "decision", "quantity", "text", "where"]
+__all__ = [
+    "CURRENT",
+    "Deciding",
+    "Decision",
+    "Node",
+    "Quantity",
+    "Vector",
+    "by_channel",
+    "constant",
+    "decision",
+    "quantity",
+    "text",
+    "where",
+]
 
 
 class Deciding(Protocol):
@@ -41,19 +54,12 @@ class Node:
     def __init__(self, op: str, *args: Any) -> None:
         self.op = op
         self.args = args
-        self.key = hash((op, *[a.key if isinstance(a, Node) else _distinct(a) for a in args]))
+        self.key = hash((op, *[a.key if isinstance(a, Node) else a for a in args]))
 
     def __repr__(self) -> str:
         return text(self)
 
     __hash__ = None  # type: ignore[assignment]  # == makes a decision, so nothing here is hashable
-
-
-def _distinct(argument: Any) -> Any:
-    """Python hashes -1 and -2 alike; a key must not."""
-    if type(argument) is not Fraction:
-        return argument
-    return 2 * argument.numerator + 1, argument.denominator
 
 
 class Quantity(Node):
@@ -132,10 +138,10 @@ class Quantity(Node):
     def __ge__(self, other: Any) -> Any:
         return _compare(">=", self, other)
 
-    def __eq__(self, other: Any) -> Any:
+    def __eq__(self, other: object) -> Any:
         return _compare("==", self, other)
 
-    def __ne__(self, other: Any) -> Any:
+    def __ne__(self, other: object) -> Any:
         return _compare("!=", self, other)
 
     __hash__ = None  # type: ignore[assignment]
@@ -215,7 +221,7 @@ class Decision(Node):
 
     __index__ = __int__
 
-    def __eq__(self, other: Any) -> Any:
+    def __eq__(self, other: object) -> Any:
         other = decision(other)
         return Decision("or", Decision("and", self, other), Decision("and", ~self, ~other))
 
@@ -320,7 +326,11 @@ def quantity(value: Any) -> Quantity:
 
 def constant(value: Fraction | int) -> Quantity:
     """A node for an exact number."""
-    return Quantity("const", value if type(value) is Fraction else Fraction(value))
+    node = Quantity.__new__(Quantity)
+    node.op = "const"
+    node.args = (value if type(value) is Fraction else Fraction(value),)
+    node.key = hash(("const", 2 * value.numerator + 1, value.denominator))  # Python hashes -1 and -2 alike
+    return node
 
 
 def decision(value: Any) -> Decision:
@@ -350,7 +360,9 @@ def _numpy() -> Any:
 def _path(asked: Node) -> Deciding:
     current = CURRENT.get()
     if current is None:
-        raise PlanError(f"the decision {asked!r} can only be taken while a plan runs: use derive(plan, X) or simulate(plan, X)")
+        raise PlanError(
+            f"the decision {asked!r} can only be taken while a plan runs: use derive(plan, X) or simulate(plan, X)"
+        )
     return current
 
 

@@ -144,11 +144,12 @@ class Exact:
     """Rational arithmetic: integers over the common denominators of weights and values."""
 
     def subset_sums(self, law: Law, column: int, power: int, subsets: Subsets) -> Integers:
-        atoms = Integers(np.array(law.masses, dtype=object), law.unit)
-        if power:
-            centred = self.vector(Column.of([x - law.mean(column) for x in law.column(column)]))
-            atoms = atoms * centred**power
-        return Integers(subsets.sums(atoms.num), atoms.den)
+        lattice, unit = law.lattice(column), law.unit
+        first = sum(mass * e for mass, e in zip(law.masses, lattice.e.tolist(), strict=True))
+        scale = lattice.step.numerator**power
+        atoms = [m * (unit * e - first) ** power * scale for m, e in zip(law.masses, lattice.e.tolist(), strict=True)]
+        den = unit * (unit * lattice.step.denominator) ** power
+        return Integers(subsets.sums(np.array(atoms, dtype=object)), den)
 
     def mean(self, law: Law, column: int) -> Fraction:
         return law.mean(column)

@@ -259,5 +259,3 @@ def product(moments: list[list[Any]]) -> list[Any]:
             both.append(joint[0] * part[2] + (cross + cross) + joint[2] * part[0])
         joint = both
     return joint
-
-

@@ -26,11 +26,11 @@ from truemean.oracle.paths import Exploration
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.plan import Plan, as_plan
 from truemean.oracle.plans import find_plan
-from truemean.oracle.population import Sample
 from truemean.oracle.quantity import Node, Quantity
 from truemean.oracle.random import uniforms
 from truemean.oracle.rings import Ring
 from truemean.oracle.rows import Block, Entry, Rows
+from truemean.oracle.sample import Sample
 from truemean.oracle.tables import Table
 
 __all__ = ["Interval", "PlanEstimator", "Sampled", "sampled", "simulate"]
@@ -101,7 +101,9 @@ class Sampler(Observer):
             draws = (self._uniforms(rows, sample, number, 1) >= cumulated[:-1].T).sum(axis=1)[:, None]
         else:
             bounds = np.cumsum(np.array(sample.law.weights, dtype=float))[:-1]
-            draws = np.searchsorted(bounds, self._uniforms(rows, sample, number, int(sizes.max(initial=0))), side="right")
+            draws = np.searchsorted(
+                bounds, self._uniforms(rows, sample, number, int(sizes.max(initial=0))), side="right"
+            )
         block = rows.blocks[0]
         draws = np.where(np.arange(draws.shape[1]) < sizes[:, None], draws, -1)
         table = DrawnTable(sample.law, draws, sizes)
@@ -248,7 +250,9 @@ class Sampled:
     @property
     def bias(self) -> Any:
         """E[xi] - I, by channel for colours."""
-        shifted = [Interval(i.lower - float(t), i.upper - float(t), i.confidence) for i, t in zip(*self._both(), strict=True)]
+        shifted = [
+            Interval(i.lower - float(t), i.upper - float(t), i.confidence) for i, t in zip(*self._both(), strict=True)
+        ]
         return tuple(shifted) if self.pixel.channels else shifted[0]
 
     @property
@@ -277,5 +281,3 @@ def sampled(plan: Plan, pixel: Pixel, runs: int, seed: int, params: dict[str, An
     if runs < 2:
         raise InputError(f"runs={runs}: an interval needs at least 2 sampled rows")
     return Sampled(plan, pixel, *replicates(plan, pixel, np.arange(runs, dtype=np.uint64), seed, params))
-
-

@@ -68,8 +68,8 @@ def statistic(leaf: Node, seen: Observed) -> Column | Surd:
         return sums / Column.whole(seen.sizes) if leaf.op == "mean" else sums
     _, _, name, column, option = leaf.args
     value = _STATISTICS[name](seen, column, option)
-    if option is not None and isinstance(option, Fraction):
-        value = _declared(value, option)
+    if isinstance(option, Node):
+        value = _declared(value, option.args[0])
     return value
 
 
@@ -90,7 +90,9 @@ def _declared(value: Column | Surd, policy: Fraction) -> Column | Surd:
     if isinstance(value, Column):
         return constant.where(missing, value)
     zero = Column.constant(0)
-    return Surd(constant.where(missing, value.rational), zero.where(missing, value.factor), zero.where(missing, value.radicand))
+    return Surd(
+        constant.where(missing, value.rational), zero.where(missing, value.factor), zero.where(missing, value.radicand)
+    )
 
 
 def _sum(seen: Observed, column: int) -> Column:
@@ -139,7 +141,7 @@ def _contrast(seen: Observed, column: int, option: Any) -> Column:
 
 
 def _deviations(seen: Observed, column: int, option: Any) -> Column:
-    """n Q - S^2 in lattice units, which no offset of the values can spoil."""
+    """N Q - S^2 in lattice units, which no offset of the values can spoil."""
     step = seen.law.lattice(column).step
     s, q, n = seen.state(total(column)), seen.state(squares(column)), seen.sizes
     return Column(plus(times(n, q), -times(s, s)), n) * Column.constant(step * step)

@@ -13,69 +13,84 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from truemean.oracle.columns import Ints, times
+from truemean.oracle.columns import Column, Ints, times
 
 __all__ = ["Family", "family"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Windows:
+    """Subsets ``low..high`` of the sorted atoms."""
+
+    k: int
+    low: Ints
+    high: Ints
+
+    def members(self) -> NDArray[np.bool_]:
+        """Membership ``[subsets, k]``."""
+        atoms = np.arange(self.k)
+        return np.asarray((self.low[:, None] <= atoms) & (atoms <= self.high[:, None]))
+
+    def sums(self, atoms: Ints) -> Ints:
+        """Sum of exact atom values over each subset."""
+        prefix = np.concatenate([np.zeros(1, dtype=object), np.cumsum(atoms)])
+        return np.asarray(prefix[self.high + 1] - prefix[self.low])
+
+    def only(self, kept: Ints) -> Windows:
+        """Some of the subsets."""
+        return Windows(self.k, self.low[kept], self.high[kept])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Masks:
+    """Any subsets, as bit masks."""
+
+    k: int
+    masks: Ints
+
+    def members(self) -> NDArray[np.bool_]:
+        """Membership ``[subsets, k]``."""
+        return np.asarray((self.masks[:, None] >> np.arange(self.k)) & 1 > 0)
+
+    def sums(self, atoms: Ints) -> Ints:
+        """Sum of exact atom values over each subset."""
+        found = np.zeros(len(self.masks), dtype=object)
+        for i, atom in enumerate(atoms):
+            found[(self.masks >> i) & 1 > 0] += atom
+        return found
+
+    def only(self, kept: Ints) -> Masks:
+        """Some of the subsets."""
+        return Masks(self.k, self.masks[kept])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Family:
-    """Subsets, either windows ``low..high`` of the sorted atoms or bit masks, and signed incidence.
+    """Subsets, and the signed incidence that makes rows of them.
 
     Entry t says: row ``row[t]`` contains subset ``subset[t]`` with ``sign[t]``; sorted by row.
     """
 
-    k: int
     rows: int
-    low: Ints | None
-    high: Ints | None
-    masks: Ints | None
+    subsets: Windows | Masks
     row: Ints
     subset: Ints
     sign: Ints
     states: dict[str, Ints]
 
-    def members(self) -> NDArray[np.bool_]:
-        """Membership ``[subsets, k]``."""
-        atoms = np.arange(self.k)
-        if self.masks is not None:
-            return np.asarray((self.masks[:, None] >> atoms) & 1 > 0)
-        assert self.low is not None and self.high is not None
-        return np.asarray((self.low[:, None] <= atoms) & (atoms <= self.high[:, None]))
-
-    def sums(self, atoms: Ints) -> Ints:
-        """Sum of exact atom values over each subset."""
-        if self.masks is not None:
-            found = np.zeros(len(self.masks), dtype=object)
-            for i, atom in enumerate(atoms):
-                found[(self.masks >> i) & 1 > 0] += atom
-            return found
-        prefix = np.concatenate([np.zeros(1, dtype=object), np.cumsum(atoms)])
-        assert self.low is not None and self.high is not None
-        return np.asarray(prefix[self.high + 1] - prefix[self.low])
-
     def to_rows(self, values: Any) -> Any:
         """Values over subsets, inverted into values by row."""
-        from truemean.oracle.columns import Column
-
         signed = values[self.subset].scale(Column.whole(self.sign).spread(len(self.sign)))
         return signed.group(np.searchsorted(self.row, np.arange(self.rows)))
 
-    def to_subsets(self, factors: Ints, index: Ints) -> tuple[Family, Ints]:
+    def to_subsets(self, factors: Ints, index: Ints) -> tuple[Windows | Masks, Ints]:
         """The transpose: factors on some rows as factors on the few subsets where they don't cancel."""
         by_row = np.zeros(self.rows, dtype=factors.dtype)
         by_row[index] = factors
         found = np.zeros(1 + int(self.subset.max(initial=0)), dtype=factors.dtype)
         np.add.at(found, self.subset, times(by_row[self.row], self.sign))
         kept = np.flatnonzero(found)
-        return self.only(kept), found[kept]
-
-    def only(self, kept: Ints) -> Family:
-        """The same family with only some of its subsets (for sums, not for inversion)."""
-        if self.masks is not None:
-            return replace(self, masks=self.masks[kept])
-        assert self.low is not None and self.high is not None
-        return replace(self, low=self.low[kept], high=self.high[kept])
+        return self.subsets.only(kept), found[kept]
 
     def terms(self, row: int) -> list[tuple[int, int]]:
         """``(subset, sign)`` of one row."""
@@ -85,63 +100,60 @@ class Family:
 
 @lru_cache(maxsize=64)
 def family(name: str, k: int, n: int) -> Family:
-    """The family of a feature for k atoms; rows that n draws can't reach are left out."""
-    makers = {"all": _all, "flat": _flat, "extremes": _windows, "support": _supports}
-    return makers[name](k, n)
+    """The family of a feature for k atoms; rows that n draws can't reach are left out.
+
+    >>> family("flat", 3, 2).states["flat"]
+    array([ 0,  1,  2, -1])
+    """
+    if name == "all":
+        return replace(_constants(1), subsets=Windows(k, np.array([0]), np.array([k - 1])), states={})
+    if n == 1 or k == 1:
+        return _constants(k)
+    return {"flat": _flat, "extremes": _windows, "support": lambda k: _supports(k, n)}[name](k)
 
 
-def _all(k: int, n: int) -> Family:
-    one, zero = np.ones(1, dtype=np.int64), np.zeros(1, dtype=np.int64)
-    return Family(k, 1, zero, one * (k - 1), None, zero, zero, one, {})
-
-
-def _flat(k: int, n: int) -> Family:
-    """k constant rows, and one mixed row as the complement."""
+def _constants(k: int) -> Family:
+    """Nothing but samples of equal draws: one row per atom, whatever the feature."""
     atoms = np.arange(k)
-    if k == 1 or n == 1:
-        one = np.ones(k, dtype=np.int64)
-        return Family(k, k, atoms, atoms, None, atoms, atoms, one, {"flat": atoms})
+    states = {"flat": atoms, "lowest": atoms, "highest": atoms, "support": 1 << atoms}
+    return Family(k, Windows(k, atoms, atoms), atoms, atoms, np.ones(k, dtype=np.int64), states)
+
+
+def _flat(k: int) -> Family:
+    """K constant rows, and one mixed row as the complement."""
+    atoms = np.arange(k)
     row = np.concatenate([atoms, np.full(k + 1, k)])
     subset = np.concatenate([atoms, atoms, [k]])
     sign = np.concatenate([np.ones(k), -np.ones(k), [1]]).astype(np.int64)
-    low, high = np.append(atoms, 0), np.append(atoms, k - 1)
-    return Family(k, k + 1, low, high, None, row, subset, sign, {"flat": np.append(atoms, -1)})
+    subsets = Windows(k, np.append(atoms, 0), np.append(atoms, k - 1))
+    return Family(k + 1, subsets, row, subset, sign, {"flat": np.append(atoms, -1)})
 
 
-def _windows(k: int, n: int) -> Family:
+def _windows(k: int) -> Family:
     """One row per (lowest, highest) atom seen."""
-    low, high = np.triu_indices(k) if n > 1 else (np.arange(k), np.arange(k))
-    rows = len(low)
-    if n == 1:
-        ids = np.arange(k)
-        states = {"lowest": low, "highest": high}
-        return Family(k, k, low, high, None, ids, ids, np.ones(k, dtype=np.int64), states)
+    low, high = np.triu_indices(k)
     place = np.full((k + 1, k + 1), -1)
-    place[low, high] = np.arange(rows)
-    row, subset, sign = [], [], []
-    for down, up, s in ((0, 0, 1), (1, 0, -1), (0, 1, -1), (1, 1, 1)):
-        a, b = low + down, high - up
-        inside = np.flatnonzero((a <= b) & (b >= 0))
-        row.append(inside)
-        subset.append(place[a[inside], b[inside]])
-        sign.append(np.full(len(inside), s, dtype=np.int64))
-    order = np.argsort(np.concatenate(row), kind="stable")
-    joined = [np.concatenate(x)[order] for x in (row, subset, sign)]
-    return Family(k, rows, low, high, None, *joined, {"lowest": low, "highest": high})
+    place[low, high] = np.arange(len(low))
+    rows, subsets, signs = [], [], []
+    for down, up, sign in ((0, 0, 1), (1, 0, -1), (0, 1, -1), (1, 1, 1)):
+        inside = np.flatnonzero((low + down <= high - up) & (high >= up))
+        rows.append(inside)
+        subsets.append(place[low[inside] + down, high[inside] - up])
+        signs.append(np.full(len(inside), sign, dtype=np.int64))
+    order = np.argsort(np.concatenate(rows), kind="stable")
+    row, subset, sign_of = (np.concatenate(x)[order] for x in (rows, subsets, signs))
+    return Family(len(low), Windows(k, low, high), row, subset, sign_of, {"lowest": low, "highest": high})
 
 
 def _supports(k: int, n: int) -> Family:
     """One row per set of atoms seen: Moebius over all its subsets."""
-    sizes = [mask.bit_count() for mask in range(1 << k)]
-    reached = [mask for mask in range(1, 1 << k) if sizes[mask] <= n]
-    row, subset, sign = [], [], []
+    reached = [mask for mask in range(1, 1 << k) if mask.bit_count() <= n]
+    entries = []
     for number, mask in enumerate(reached):
         part = mask
         while part:
-            row.append(number)
-            subset.append(part - 1)
-            sign.append(-1 if (sizes[mask] - sizes[part]) % 2 else 1)
+            entries.append((number, part - 1, -1 if (mask.bit_count() - part.bit_count()) % 2 else 1))
             part = (part - 1) & mask
-    arrays = [np.array(x, dtype=np.int64) for x in (row, subset, sign)]
+    row, subset, sign = np.array(entries, dtype=np.int64).T
     masks = np.arange(1, 1 << k, dtype=np.int64)
-    return Family(k, len(reached), None, None, masks, *arrays, {"support": np.array(reached, dtype=np.int64)})
+    return Family(len(reached), Masks(k, masks), row, subset, sign, {"support": np.array(reached, dtype=np.int64)})

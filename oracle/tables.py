@@ -23,7 +23,7 @@ from flint import fmpz_mpoly_ctx
 from truemean.oracle.columns import Column, Ints, grouping, integers, largest, times
 from truemean.oracle.features import Level, gives, squares, total
 from truemean.oracle.law import Law
-from truemean.oracle.rings import Exact, Float64, Integers, Ring, round_integers
+from truemean.oracle.rings import Exact, Float64, Integers, Ring, Subsets, round_integers
 from truemean.oracle.subsets import Family, family
 
 __all__ = ["CountTable", "LatticeTable", "PolynomialTable", "SequenceTable", "Table", "power", "rows_of"]
@@ -108,7 +108,7 @@ class LatticeTable(Table):
         return self.moment(ring, 0, 0)
 
     def _moment(self, ring: Ring, column: int, order: int) -> Any:
-        return self.family.to_rows(self._power(ring, column, order, self.family))
+        return self.family.to_rows(self._power(ring, column, order, self.family.subsets))
 
     def weigh(self, ring: Ring, column: int, order: int, factors: Column, index: Ints) -> Any:
         num, den = factors.spread(len(index)).common()
@@ -117,7 +117,7 @@ class LatticeTable(Table):
             return ring.number(Fraction(0))
         return self._power(ring, column, order, subsets).scale(Column.whole(signed, den)).sum()
 
-    def _power(self, ring: Ring, column: int, order: int, subsets: Family) -> Any:
+    def _power(self, ring: Ring, column: int, order: int, subsets: Subsets) -> Any:
         """W^n and its two derivatives along the centred values, over subsets of the atoms."""
         n = self.n
         w = ring.subset_sums(self.law, column, 0, subsets)
@@ -143,7 +143,7 @@ class PolynomialTable(Table):
         shape = family(name, law.k, n)
         rows, exponents, numerators = _inverted(shape, n, _exponents(law, sums), law.masses)
         self.sizes = np.full(len(rows), n, dtype=np.int64)
-        self.states = {key: values[rows] for key, values in shape.states.items()}
+        self.states = {key: values[rows] for key, values in shape.states.items() if wanted - set(sums)}
         self.states |= {name: exponents[:, i] for i, name in enumerate(sums)}
         self._mass = Integers(numerators, law.unit**n)
 
@@ -265,7 +265,7 @@ def _inverted(shape: Family, n: int, exponents: list[tuple[int, ...]], masses: l
     context = fmpz_mpoly_ctx.get([f"z{i}" for i in range(len(exponents[0]))], "lex")
     atoms = [context.from_dict({e: mass}) for e, mass in zip(exponents, masses, strict=True)]
     powers = {}
-    for subset, members in enumerate(shape.members()):
+    for subset, members in enumerate(shape.subsets.members()):
         base = sum((atoms[i] for i in np.flatnonzero(members)), context.from_dict({}))
         powers[subset] = base**n
     rows: list[int] = []

@@ -77,7 +77,7 @@ def test_derive_shows_the_papers_pixel():
         "-0.5844726562",
         "range(S1) <= 0",
         "1201/2048",
-        "S1: flat; 3 rows",
+        "S1 flat; rows: 3",
         "Fig. 1",
     ):
         assert words in out
@@ -109,6 +109,14 @@ def test_derive_writes_numbers_longer_than_python_does(folder):
     assert (code, "digits...}" in out) == (0, True)
     exact = json.loads((folder / "long.json").read_text(encoding="utf-8"))["bias"]["exact"]
     assert re.fullmatch(r"-\d{4301,}/\d{4301,}", exact)
+
+
+def test_derive_takes_values_beyond_the_floats():
+    given = ("derive", "kirk-arvo", "--pixel", "0:1/2,1e400:1/2", "--set", "n=2")
+    data = json.loads(call(*given, "--json", "-")[1])
+    assert data["mse"] == {"exact": str(10**800 // 8), "value": None}
+    assert data["std"] is None
+    assert "1.250000000e+799" in call(*given)[1]
 
 
 def test_derive_in_floats_gives_a_bound():

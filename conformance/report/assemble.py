@@ -82,12 +82,13 @@ def build(
         done += seconds
     reports = verdicts.judge_all(subjects, TOLERANCE, seed, lambda text, n: tell(text, (done + JUDGING * n) / total))
     tell("writing the files", 1 - WRITING / total)
-    data = {
+    data: dict[str, Any] = {
         "schema": SCHEMA,
         "headline": verdicts.headline(reports, TOLERANCE),
         "tolerance": TOLERANCE,
         "verdicts": {name: str(report.verdict) for name, report in reports.items()},
         "skipped": dict(skipped) | {name: "interrupted before its turn" for name in subjects if name not in reports},
+        "interrupted": any(report.interrupted for report in reports.values()),
         "command": command,
         "seed": seed,
         "commit": commit(),

@@ -26,9 +26,7 @@ def kirk_arvo(X: Population, n: Any = 4, eps: Any = 0) -> Any:
     unbiased=True,
     why="the pilot estimates R whatever it shows, and only chooses how often the rest is sampled",
 )
-def kirk_arvo_unbiased(
-    X: Population, area: Any = "1/4", p: Any = 4, n1: Any = 4, n2: Any = 16, eps: Any = 0
-) -> Any:
+def kirk_arvo_unbiased(X: Population, area: Any = "1/4", p: Any = 4, n1: Any = 4, n2: Any = 16, eps: Any = 0) -> Any:
     """UnbiasedEstimateMean(X, R, p, n1, n2, eps): region R by the pilot, the rest by fresh samples."""
     R, rest = X.regions.values() if len(X.regions) == 2 else X.split(area)
     S_p = R.draw(p)

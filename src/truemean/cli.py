@@ -146,25 +146,29 @@ def judge(
     from truemean.conformance import judge as judge_estimator
     from truemean.output import working
 
+    # Find out what can't be meant before anything runs.
     for option, file in (("--json", json), ("--html", html), ("--markdown", markdown)):
         check_destination(option, file)
     plan = read_plan(declares) if declares else None
+    chosen, bounds = read_pixels(pixels or ()), read_range(range_)
+    # Judge, blaming a plan of the reader's own, or the subject, for what they raise.
     with working("loading") as show, plan_errors(plan[0]) if plan else nullcontext():
         with told_as(SubjectError, f"SUBJECT {subject!r} can't be loaded"):
             estimator = load(subject)
         found = judge_estimator(
             estimator,
             tolerance=tolerance,
-            pixels=read_pixels(pixels or ()),
+            pixels=chosen,
             alpha=alpha,
             beta=beta,
             budget=budget,
             seed=seed,
             declares=plan,
-            range=read_range(range_),
+            range=bounds,
             timeout=timeout,
             progress=lambda pixel, drawn, left: show(f"{pixel}: {drawn} replicates; {left} undecided"),
         )
+    # Tell the verdict under the name that was typed.
     report = replace(found, subject=subject)
     _write_judgement(report, json, html, markdown)
     return judged_code(report.verdict, deviates=report.plan_check == "DEVIATES", interrupted=report.interrupted)

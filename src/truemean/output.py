@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shlex
 import shutil
@@ -111,6 +112,8 @@ def number(value: Any) -> Any:
             return {"exact": exact(value), "value": _float(value)}
         case Approx():
             return {"value": float(value.value), "error": float(value.error)}
+        case float() if not math.isfinite(value):
+            return None
         case _:
             return value
 

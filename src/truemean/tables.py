@@ -15,8 +15,8 @@ from rich.text import Text
 from truemean.adapters import Available
 from truemean.conformance.pixels import SETS
 from truemean.conformance.verdict import Case, PlanCheck, Report, Verdict
-from truemean.oracle.derivation import Derivation
-from truemean.oracle.pixel import Pixel
+from truemean.oracle.derivation import Derivation, DerivedPath
+from truemean.oracle.pixel import Pixel, Value
 from truemean.oracle.plan import Plan
 from truemean.oracle.rings import Approx
 from truemean.oracle.scene import load_scene, shipped_scenes
@@ -35,6 +35,7 @@ __all__ = [
 
 RESULTS = ("expectation", "bias", "relative_bias", "variance", "std", "mse", "cost", "oracle_calls")
 MOST_PATHS = 20
+ROOMY = 105  # columns that the whole table of a judgement takes
 SHORT = 20  # characters of a ratio beside its decimal
 STYLES = {
     Verdict.CONFORMS: "green",
@@ -99,7 +100,7 @@ def print_derivation(derivation: Derivation, params: Mapping[str, Any]) -> None:
         for suffix, part in _channels(value):
             table.add_row(name.replace("_", " ") + suffix, decimal(part), _beside(part))
     _show(table)
-    paths = sorted(derivation.paths, key=lambda path: -max(abs(float(b)) for _, b in _channels(path.bias)))
+    paths = sorted(derivation.paths, key=_size, reverse=True)
     table = _table("path: what the plan decided", "probability", "contribution to the bias")
     for path in paths[:MOST_PATHS]:
         bias = "\n".join(_both(part) for _, part in _channels(path.bias))
@@ -107,15 +108,19 @@ def print_derivation(derivation: Derivation, params: Mapping[str, Any]) -> None:
     _show(table)
     if len(paths) > MOST_PATHS:
         _show(f"and {len(paths) - MOST_PATHS} more paths that contribute less: --json has them all")
-    modelled = ", ".join(f"{sample}: {level}" for sample, level in derivation.level.items()) or "no sample"
-    _show(f"modelled for the bias: {modelled}; {derivation.rows:,} rows")
+    modelled = ", ".join(f"{sample} {level}" for sample, level in derivation.level.items()) or "no sample"
+    _show(f"modelled for the bias: {modelled}; rows: {derivation.rows:,}")
 
 
 def _root(variance: Any) -> float:
-    value = max(float(variance), 0.0)
-    if not value and isinstance(variance, Fraction):  # smaller than any float, which its root need not be
+    if isinstance(variance, Fraction):  # which may be smaller than any float, though its root is none
         return float((Decimal(variance.numerator) / Decimal(variance.denominator)).sqrt())
-    return math.sqrt(value)
+    return math.sqrt(max(float(variance), 0.0))
+
+
+def _size(path: DerivedPath) -> Any:
+    """How much a path contributes, in the channel where that is most."""
+    return max(abs(part.value if isinstance(part, Approx) else part) for _, part in _channels(path.bias))
 
 
 def _channels(value: Any) -> Iterable[tuple[str, Any]]:
@@ -124,8 +129,8 @@ def _channels(value: Any) -> Iterable[tuple[str, Any]]:
     return [("", value)]
 
 
-def _inline(value: Any) -> str:
-    return f"({', '.join(map(str, value))})" if isinstance(value, tuple) else str(value)
+def _inline(value: Value) -> str:
+    return f"({', '.join(map(shortened, value))})" if isinstance(value, tuple) else shortened(value)
 
 
 def _beside(value: Any) -> str:
@@ -156,12 +161,15 @@ def _unbiased(plan: Plan) -> str:
 
 def print_judgement(report: Report) -> None:
     """A row for each case, then what is not decided, what was skipped, and the verdict in a sentence."""
-    declared = any(case.plan_check for case in report.cases)
-    columns = ["pixel", "verdict", "plan", "true mean I", "mean - I", "E[ξ] - I lies in", "std", "cost", "replicates"]
-    table = _table(*(column for column in columns if declared or column != "plan"))
-    for case in report.cases:
-        table.add_row(*_case_row(case, declared=declared))
-    _show(table)
+    hidden = set() if any(case.plan_check for case in report.cases) else {"plan"}
+    if console().width < ROOMY:
+        hidden |= {"true mean I", "std", "cost"}
+    rows = [{name: text for name, text in _row(case).items() if name not in hidden} for case in report.cases]
+    table = _table(*(rows[0] if rows else ()))
+    for row in rows:
+        table.add_row(*row.values())
+    if rows:
+        _show(table)
     for case in report.cases:
         if case.verdict in (Verdict.INCONCLUSIVE, Verdict.BROKEN) or case.plan_check is PlanCheck.DEVIATES:
             _show(f"{case.name}: {case.reason}")
@@ -175,14 +183,20 @@ def print_judgement(report: Report) -> None:
         _show(_verdict(report.plan_check).append(": it does not follow the plan that it declares", style="default"))
 
 
-def _case_row(case: Case, *, declared: bool) -> list[str | Text]:
-    low, high = case.bias_interval
-    row: list[str | Text] = [case.name, _verdict(case.verdict)]
-    if declared:
-        row.append(_verdict(case.plan_check) if case.plan_check else "-")
+def _row(case: Case) -> dict[str, str | Text]:
     seen = None if case.mean is None else case.mean - float(case.true_mean)
-    row += [decimal(case.true_mean, 4), decimal(seen, 4), f"[{decimal(low, 4)}, {decimal(high, 4)}]"]
-    return [*row, decimal(case.std, 3), decimal(case.cost, 4), str(case.replicates)]
+    low, high = (decimal(end, 4) for end in case.bias_interval)
+    return {
+        "pixel": case.name,
+        "verdict": _verdict(case.verdict),
+        "plan": _verdict(case.plan_check) if case.plan_check else "-",
+        "true mean I": decimal(case.true_mean, 4),
+        "mean - I": decimal(seen, 4),
+        "E[ξ] - I lies in": f"[{low}, {high}]",
+        "std": decimal(case.std, 3),
+        "cost": decimal(case.cost, 4),
+        "runs": str(case.replicates),
+    }
 
 
 def _verdict(word: Verdict | PlanCheck) -> Text:
@@ -228,7 +242,7 @@ def _show(what: str | Text | Table) -> None:
 
 
 def _table(*columns: str) -> Table:
-    table = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    table = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
     for column in columns:
         table.add_column(column, overflow="fold")
     return table

@@ -275,8 +275,6 @@ def _add(a: Any, b: Any) -> Num:
 
 def _multiply(a: Any, b: Any) -> Num:
     a, b = number(a), number(b)
-    if a.terms == {} or b.terms == {}:
-        return Num(0)  # an undefined number with coefficient 0 plays no part
     if a.terms is None or b.terms is None:
         return Num(None)
     total = Num(0)

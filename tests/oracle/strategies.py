@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Sized
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -61,6 +62,7 @@ class Scope:
     X: Any
     samples: list[Any]
     saved: list[Any]
+    colour: bool
 
 
 @dataclass(frozen=True)
@@ -82,8 +84,10 @@ class Stat:
         sample = scope.samples[self.sample % len(scope.samples)]
         if self.name == "size":
             return sample.size
-        if self.name == "middle":
+        if self.name == "middle" and not scope.colour:
             return sample.statistic(lambda values: values[len(values) // 2])
+        if self.name == "middle":
+            return (sample.min() + sample.max()) / 2
         return getattr(sample, self.name)()
 
 
@@ -123,10 +127,11 @@ class Relation:
 
 @dataclass(frozen=True)
 class Coin:
-    p: Fraction
+    p: Any
 
     def __call__(self, scope: Scope) -> Any:
-        return scope.X.coin(self.p)
+        p = self.p(scope)
+        return scope.X.coin(np.clip(p[0] if scope.colour and not isinstance(p, Fraction) else p, 0, 1))
 
 
 @dataclass(frozen=True)
@@ -137,7 +142,7 @@ class Where:
 
     def __call__(self, scope: Scope) -> Any:
         condition = self.condition(scope)
-        if isinstance(condition, bool):
+        if isinstance(condition, bool):  # a comparison of constants, which NumPy would take for its own
             return (self.yes if condition else self.no)(scope)
         return np.where(condition, self.yes(scope), self.no(scope))
 
@@ -147,7 +152,7 @@ class Return:
     estimate: Any
 
     def __call__(self, scope: Scope) -> Any:
-        return self.estimate(scope)
+        return self.estimate(scope) + (0 * scope.X.mean if scope.colour else 0)
 
 
 @dataclass(frozen=True)
@@ -163,21 +168,21 @@ class Save:
 @dataclass(frozen=True)
 class Grow:
     sample: int
-    m: int
+    m: Any
     then: Any
 
     def __call__(self, scope: Scope) -> Any:
-        scope.samples[self.sample % len(scope.samples)].more(self.m)
+        scope.samples[self.sample % len(scope.samples)].more(self.m(scope))
         return self.then(scope)
 
 
 @dataclass(frozen=True)
 class Draw:
-    n: int
+    n: Any
     then: Any
 
     def __call__(self, scope: Scope) -> Any:
-        scope.samples.append(scope.X.draw(self.n))
+        scope.samples.append(scope.X.draw(self.n(scope)))
         return self.then(scope)
 
 
@@ -188,7 +193,27 @@ class Fork:
     no: Any
 
     def __call__(self, scope: Scope) -> Any:
-        return self.yes(scope) if self.decision(scope) else self.no(scope)
+        decision = self.decision(scope)
+        if not isinstance(decision, bool):
+            decision = decision.all()
+        return self.yes(scope) if decision else self.no(scope)
+
+
+@dataclass(frozen=True)
+class Size:
+    """A number of draws: fixed, or one of two by row."""
+
+    small: int
+    large: int
+    decision: Any
+
+    def __call__(self, scope: Scope) -> Any:
+        if self.small == self.large:
+            return self.small
+        decision = self.decision(scope)
+        if isinstance(decision, bool):
+            return self.large if decision else self.small
+        return np.where(decision.all(), self.large, self.small)
 
 
 @dataclass(frozen=True)
@@ -199,7 +224,7 @@ class RandomPlan:
     body: Any
 
     def __call__(self, X: Any) -> Any:
-        return self.body(Scope(X, [X.draw(self.n)], []))
+        return self.body(Scope(X, [X.draw(self.n)], [], isinstance(X.values[0], Sized)))
 
 
 EXACT = ("mean", "mean", "sum", "min", "max", "range", "variance", "size", "middle")
@@ -215,13 +240,18 @@ def quantities(names: tuple[str, ...]) -> st.SearchStrategy[Any]:
 
 def decisions(names: tuple[str, ...] = (*EXACT, "std_error")) -> st.SearchStrategy[Any]:
     relations = st.builds(Relation, st.sampled_from(sorted(RELATIONS)), quantities(names), quantities(names))
-    coins = st.sampled_from([Fraction(1, 3), Fraction(0), Fraction(1)]).map(Coin)
+    coins = st.builds(Coin, consts | st.builds(Stat, st.sampled_from(("mean", "range")), indices))
     return relations | relations | relations | st.builds(Stat, st.just("all_equal"), indices) | coins
 
 
 def estimates() -> st.SearchStrategy[Any]:
     chosen = st.builds(Where, decisions(EXACT), quantities(EXACT), quantities(EXACT))
     return quantities(EXACT) | chosen
+
+
+def sizes(small: int, large: int) -> st.SearchStrategy[Size]:
+    fixed = st.builds(Size, st.just(large), st.just(large), st.none())
+    return fixed | st.builds(Size, st.just(small), st.just(large), decisions(EXACT))
 
 
 @st.composite
@@ -233,9 +263,9 @@ def bodies(draw: st.DrawFn, draws: int, forks: int) -> Any:
         return Fork(draw(decisions()), draw(below), draw(below))
     if kind == "grow" and draws >= 1:
         m = draw(st.integers(1, min(draws, 2)))
-        return Grow(draw(indices), m, draw(bodies(draws - m, forks)))
+        return Grow(draw(indices), draw(sizes(0, m)), draw(bodies(draws - m, forks)))
     if kind == "draw" and draws >= 2:
-        return Draw(2, draw(bodies(draws - 2, forks)))
+        return Draw(draw(sizes(1, 2)), draw(bodies(draws - 2, forks)))
     if kind == "save":
         return Save(draw(quantities(EXACT)), draw(bodies(draws, forks)))
     return Return(draw(estimates()))

@@ -234,20 +234,30 @@ def test_e8_a_length_that_varies_by_row_names_size():
 
 
 def test_e8_an_empty_sample_has_sum_0_and_a_mean_only_with_coefficient_0():
-    def guarded(X):
+    def coefficient(X):
         S = X.draw(2)
         T = X.draw(np.where(S.range() <= 0, 0, 2))
         return S.mean() + T.sum() + np.where(S.range() <= 0, 0, 1) * T.mean()
 
+    def guard(X):
+        S = X.draw(2)
+        T = X.draw(np.where(S.range() <= 0, 0, 2))
+        return S.mean() + T.sum() + np.where(S.range() <= 0, 0, T.mean())
+
+    brute(guard, THIRDS).assert_equals(derive(coefficient, THIRDS))
+    assert_twin(guard, THIRDS)
+
+
+@pytest.mark.parametrize("result", ["bias", "variance", "paths"])
+def test_e8_the_mean_of_an_empty_sample_is_undefined(result):
     def unguarded(X):
         S = X.draw(2)
         return X.draw(np.where(S.range() <= 0, 0, 2)).mean()
 
-    assert_twin(guarded, THIRDS)
     with pytest.raises(UndefinedValue):
         brute(unguarded, THIRDS)
     with pytest.raises(UndefinedValue):
-        _ = derive(unguarded, THIRDS).bias
+        getattr(derive(unguarded, THIRDS), result)
 
 
 def test_e9_a_bias_far_below_the_rounding_of_the_mean_keeps_its_digits():

@@ -1,0 +1,173 @@
+"""A form and its moments in any ring.
+
+Given the rows, an estimate is ``b + sum of a_j (sum of the draws of S_j)`` with a and b known on
+each row. Tables hold centred sums, so the bias needs no difference of nearly equal numbers, and a
+sample that nobody looked at adds exactly zero to it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from truemean.oracle.columns import Column
+from truemean.oracle.law import Law
+from truemean.oracle.linear import Truth
+from truemean.oracle.rings import Batch, Ring
+from truemean.oracle.rows import Block, Entry, Rows, product
+
+__all__ = ["Form", "Part", "Unseen"]
+
+
+@dataclass(frozen=True, slots=True)
+class Unseen:
+    """Draws that no decision looked at: their coefficient and number, by row or constant."""
+
+    law: Law
+    column: int
+    factor: Column
+    size: Column
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What one block contributes: coefficients of its entries, of unseen draws, and the rest."""
+
+    block: Block
+    factors: tuple[tuple[Entry, int, Column], ...]
+    unseen: tuple[Unseen, ...]
+    truths: tuple[tuple[Truth, Column], ...]
+    rest: Column
+
+    @property
+    def trivial(self) -> bool:
+        """Whether it adds nothing to the mean."""
+        return not self.factors and self.rest.is_zero and all(c.is_zero for _, c in self.truths)
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """The estimate of a path, minus the true mean if centred, as parts of independent blocks."""
+
+    rows: Rows
+    parts: tuple[Part, ...]
+    slack: Fraction
+
+    def moments(self, ring: Ring, order: int) -> list[Any]:
+        """``[P, E[value; path], E[value^2; path]]`` up to an order, in the ring's numbers."""
+        found = [_part_moments(part, ring, range(order + 1)) for part in self.parts]
+        others = [b for b in self.rows.blocks if not any(b is p.block for p in self.parts)]
+        return product([*found, *([b.mass(ring)] + [_zero(ring)] * order for b in others)])
+
+    def mean(self, ring: Ring) -> Any:
+        """E[value; path]: no work for a part that adds nothing."""
+        total = _zero(ring)
+        for part in self.parts:
+            if not part.trivial:
+                (term,) = _part_moments(part, ring, range(1, 2))
+                for block in self.rows.blocks:
+                    term = term if block is part.block else term * block.mass(ring)
+                total = total + term
+        return total
+
+
+def _part_moments(part: Part, ring: Ring, orders: range) -> list[Any]:
+    if not part.block.entries:
+        return _constant_moments(part, ring)[orders.start : orders.stop]
+    if len(part.block.entries) == 1 and part.block.factor is None and not isinstance(ring, Batch):
+        return [_weighed(part, ring, order) for order in orders]
+    return _rowwise(part, ring, orders.stop - 1)[orders.start :]
+
+
+def _shift(part: Part) -> Column:
+    """B on each row: the rest and the true means, exactly."""
+    shift = part.rest
+    for (law, column), coefficient in part.truths:
+        shift = shift + coefficient * Column.constant(law.mean(column))
+    return shift
+
+
+def _spread(part: Part) -> Column:
+    """The variance that unseen draws add on each row."""
+    total = Column.constant(0)
+    for u in part.unseen:
+        total = total + u.factor * u.factor * u.size * Column.constant(u.law.variance(u.column))
+    return total
+
+
+def _constant_moments(part: Part, ring: Ring) -> list[Any]:
+    one = ring.number(Fraction(1))
+    if isinstance(ring, Batch):
+        shift = ring.number(part.rest.fractions()[0])
+        for (law, column), coefficient in part.truths:
+            shift = shift + float(coefficient.fractions()[0]) * ring.mean(law, column)
+        spread = _zero(ring)
+        for u in part.unseen:
+            spread = spread + float((u.factor * u.factor * u.size).fractions()[0]) * ring.variance(u.law, u.column)
+        return [one, shift, shift * shift + spread]
+    shift, spread = _shift(part).fractions()[0], _spread(part).fractions()[0]
+    return [one, ring.number(shift), ring.number(shift * shift + spread)]
+
+
+def _weighed(part: Part, ring: Ring, order: int) -> Any:
+    """One entry: a moment as sums over its table, without writing out its rows."""
+    (entry,) = part.block.entries
+    _, c, a = part.factors[0] if part.factors else (entry, 0, Column.constant(0))
+
+    def weigh(power: int, factor: Column) -> Any:
+        return _zero(ring) if factor.is_zero else entry.table.weigh(ring, c, power, factor, entry.index)
+
+    if order == 0:
+        return weigh(0, Column.constant(1))
+    b = _shift(part)
+    if order == 1:
+        return weigh(1, a) + weigh(0, b)
+    return weigh(2, a * a) + weigh(1, a * b * Column.constant(2)) + weigh(0, b * b + _spread(part))
+
+
+def _rowwise(part: Part, ring: Ring, order: int) -> list[Any]:
+    """Several entries: multiply moments row by row, then add up."""
+    rows, scaled = part.block.size, {id(e): (c, f) for e, c, f in part.factors}
+    moments = []
+    for entry in part.block.entries:
+        c, factor = scaled.get(id(entry), (0, None))
+        mass = entry.table.moment(ring, 0, 0)[entry.index]
+        found, power = [mass], Column.constant(1)
+        for n in range(1, order + 1):
+            power = power * factor if factor is not None else Column.constant(0)
+            found.append(
+                entry.table.moment(ring, c, n)[entry.index].scale(power.spread(rows))
+                if factor is not None
+                else mass.scale(Column.constant(0).spread(rows))
+            )
+        moments.append(found)
+    unit = ring.vector(Column.constant(1).spread(rows))
+    shift = _shift_vector(part, ring, rows)
+    moments.append([unit, shift, shift * shift + _spread_vector(part, ring, rows)][: order + 1])
+    joint = product(moments)
+    if part.block.factor is not None:
+        joint = [m.scale(part.block.factor) for m in joint]
+    return [m.sum() for m in joint]
+
+
+def _shift_vector(part: Part, ring: Ring, rows: int) -> Any:
+    if not isinstance(ring, Batch):
+        return ring.vector(_shift(part).spread(rows))
+    shift = ring.vector(part.rest.spread(rows))
+    for (law, column), coefficient in part.truths:
+        shift = shift + ring.outer(coefficient.spread(rows), ring.mean(law, column))
+    return shift
+
+
+def _spread_vector(part: Part, ring: Ring, rows: int) -> Any:
+    if not isinstance(ring, Batch):
+        return ring.vector(_spread(part).spread(rows))
+    spread = ring.vector(Column.constant(0).spread(rows))
+    for u in part.unseen:
+        spread = spread + ring.outer((u.factor * u.factor * u.size).spread(rows), ring.variance(u.law, u.column))
+    return spread
+
+
+def _zero(ring: Ring) -> Any:
+    return ring.number(Fraction(0))
