@@ -181,7 +181,8 @@ class Column:
     def sign(self) -> NDArray[np.int64]:
         """-1, 0 or 1 by row; 0 where undefined (ask `undefined` first)."""
         shape = (len(self),)
-        return np.broadcast_to(np.sign(self.num).astype(np.int64), shape) * (np.broadcast_to(self.den, shape) != 0)
+        signs = np.broadcast_to(np.sign(self.num).astype(np.int64), shape)
+        return np.asarray(np.where(np.broadcast_to(self.den, shape) != 0, signs, 0))
 
     def floor(self) -> Column:
         """The largest integer not above."""

@@ -63,9 +63,7 @@ def _path_law(rows: Rows, by_channel: list[list[Quantity]], ring: Ring, lenient:
         else:
             shift = [int((v * Column.constant(u)).fractions()[0]) for v, u in zip(values, units, strict=True)]
             law = {tuple(a + b for a, b in zip(k, shift, strict=True)): p for k, p in law.items()}
-    return {
-        tuple(Fraction(k, u) for k, u in zip(key, units, strict=True)): _number(p, unit, ring) for key, p in law.items()
-    }
+    return {tuple(Fraction(k, u) for k, u in zip(key, units, strict=True)): _number(p, unit) for key, p in law.items()}
 
 
 def _block_value(evaluator: Evaluator, rows: Rows, terms: list[Quantity]) -> Column:
@@ -104,5 +102,5 @@ def _convolved(a: dict[Key, Any], b: dict[Key, Any]) -> dict[Key, Any]:
     return law
 
 
-def _number(numerator: Any, unit: int, ring: Ring) -> Any:
+def _number(numerator: Any, unit: int) -> Any:
     return Fraction(numerator, unit) if isinstance(numerator, int) else numerator

@@ -61,7 +61,8 @@ class Evaluator:
 
     def value(self, node: Node) -> Value:
         """A quantity on every row; raises NotRational where columns can't hold it."""
-        return self._once(node, self._value)
+        found: Value = self._once(node, self._value)
+        return found
 
     def column(self, node: Node) -> Column:
         """A rational quantity on every row, written out; undefined entries raise."""

@@ -107,6 +107,7 @@ def per_draw(leaf: Quantity, coefficient: Quantity) -> Quantity:
 
 
 def added_up(nodes: Iterable[Quantity]) -> Quantity:
+    """The sum of nodes, constants folded."""
     total = ZERO
     for node in nodes:
         total = plus(total, node)

@@ -14,7 +14,7 @@ from typing import Any
 from truemean.oracle.columns import Column
 from truemean.oracle.law import Law
 from truemean.oracle.linear import Truth
-from truemean.oracle.rings import Batch, Ring
+from truemean.oracle.rings import Ring, Term, folded
 from truemean.oracle.rows import Block, Entry, Rows, product
 
 __all__ = ["Form", "Part", "Unseen"]
@@ -73,41 +73,19 @@ class Form:
 
 
 def _part_moments(part: Part, ring: Ring, orders: range) -> list[Any]:
-    if not part.block.entries:
-        return _constant_moments(part, ring)[orders.start : orders.stop]
-    if len(part.block.entries) == 1 and part.block.factor is None and not isinstance(ring, Batch):
+    if ring.closed and len(part.block.entries) == 1 and part.block.factor is None:
         return [_weighed(part, ring, order) for order in orders]
     return _rowwise(part, ring, orders.stop - 1)[orders.start :]
 
 
-def _shift(part: Part) -> Column:
-    """B on each row: the rest and the true means, exactly."""
-    shift = part.rest
-    for (law, column), coefficient in part.truths:
-        shift = shift + coefficient * Column.constant(law.mean(column))
-    return shift
+def _truths(part: Part) -> list[Term]:
+    """What the true means add on each row."""
+    return [(coefficient, truth, "mean") for truth, coefficient in part.truths]
 
 
-def _spread(part: Part) -> Column:
+def _spread(part: Part) -> list[Term]:
     """The variance that unseen draws add on each row."""
-    total = Column.constant(0)
-    for u in part.unseen:
-        total = total + u.factor * u.factor * u.size * Column.constant(u.law.variance(u.column))
-    return total
-
-
-def _constant_moments(part: Part, ring: Ring) -> list[Any]:
-    one = ring.number(Fraction(1))
-    if isinstance(ring, Batch):
-        shift = ring.number(part.rest.fractions()[0])
-        for (law, column), coefficient in part.truths:
-            shift = shift + float(coefficient.fractions()[0]) * ring.mean(law, column)
-        spread = _zero(ring)
-        for u in part.unseen:
-            spread = spread + float((u.factor * u.factor * u.size).fractions()[0]) * ring.variance(u.law, u.column)
-        return [one, shift, shift * shift + spread]
-    shift, spread = _shift(part).fractions()[0], _spread(part).fractions()[0]
-    return [one, ring.number(shift), ring.number(shift * shift + spread)]
+    return [(u.factor * u.factor * u.size, (u.law, u.column), "variance") for u in part.unseen]
 
 
 def _weighed(part: Part, ring: Ring, order: int) -> Any:
@@ -120,53 +98,32 @@ def _weighed(part: Part, ring: Ring, order: int) -> Any:
 
     if order == 0:
         return weigh(0, Column.constant(1))
-    b = _shift(part)
+    b = folded(part.rest, _truths(part))
     if order == 1:
         return weigh(1, a) + weigh(0, b)
-    return weigh(2, a * a) + weigh(1, a * b * Column.constant(2)) + weigh(0, b * b + _spread(part))
+    return weigh(2, a * a) + weigh(1, a * b * Column.constant(2)) + weigh(0, folded(b * b, _spread(part)))
 
 
 def _rowwise(part: Part, ring: Ring, order: int) -> list[Any]:
-    """Several entries: multiply moments row by row, then add up."""
-    rows, scaled = part.block.size, {id(e): (c, f) for e, c, f in part.factors}
-    moments = []
+    """Any number of entries: multiply moments row by row, then add up."""
+    rows, nothing = part.block.size, Column.constant(0)
+    scaled = {id(e): (c, factor) for e, c, factor in part.factors}
+    shift = ring.combined(part.rest.spread(rows), _truths(part))
+    moments = [[ring.vector(Column.constant(1).spread(rows)), shift, shift * shift]]
+    if order > 1:
+        moments[0][2] = moments[0][2] + ring.combined(nothing.spread(rows), _spread(part))
     for entry in part.block.entries:
-        c, factor = scaled.get(id(entry), (0, None))
+        c, factor = scaled.get(id(entry), (0, nothing))
         mass = entry.table.moment(ring, 0, 0)[entry.index]
-        found, power = [mass], Column.constant(1)
-        for n in range(1, order + 1):
-            power = power * factor if factor is not None else Column.constant(0)
-            found.append(
-                entry.table.moment(ring, c, n)[entry.index].scale(power.spread(rows))
-                if factor is not None
-                else mass.scale(Column.constant(0).spread(rows))
-            )
-        moments.append(found)
-    unit = ring.vector(Column.constant(1).spread(rows))
-    shift = _shift_vector(part, ring, rows)
-    moments.append([unit, shift, shift * shift + _spread_vector(part, ring, rows)][: order + 1])
-    joint = product(moments)
+        if factor is nothing:
+            moments.append([mass] + [mass.scale(nothing.spread(rows))] * order)
+        else:
+            powers = [(factor**n).spread(rows) for n in range(order + 1)]
+            moments.append([entry.table.moment(ring, c, n)[entry.index].scale(p) for n, p in enumerate(powers)])
+    joint = product([m[: order + 1] for m in moments])
     if part.block.factor is not None:
         joint = [m.scale(part.block.factor) for m in joint]
     return [m.sum() for m in joint]
-
-
-def _shift_vector(part: Part, ring: Ring, rows: int) -> Any:
-    if not isinstance(ring, Batch):
-        return ring.vector(_shift(part).spread(rows))
-    shift = ring.vector(part.rest.spread(rows))
-    for (law, column), coefficient in part.truths:
-        shift = shift + ring.outer(coefficient.spread(rows), ring.mean(law, column))
-    return shift
-
-
-def _spread_vector(part: Part, ring: Ring, rows: int) -> Any:
-    if not isinstance(ring, Batch):
-        return ring.vector(_spread(part).spread(rows))
-    spread = ring.vector(Column.constant(0).spread(rows))
-    for u in part.unseen:
-        spread = spread + ring.outer((u.factor * u.factor * u.size).spread(rows), ring.variance(u.law, u.column))
-    return spread
 
 
 def _zero(ring: Ring) -> Any:

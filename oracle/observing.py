@@ -7,7 +7,7 @@ coarsely, or merged too early, notes the need and is run again.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from truemean.oracle.rows import Block, Entry, Rows, StackedTable
 from truemean.oracle.sample import Sample
 from truemean.oracle.statistics import features_of
 from truemean.oracle.tables import Table
+
+if TYPE_CHECKING:
+    from truemean.oracle.loops import Loop
 
 __all__ = ["Observer", "Replay"]
 
@@ -60,7 +63,7 @@ class Observer:
         last = max(end for _, end in spans)
         # A sample that grew until it stopped brings its own rows.
         if sample.loop is not None and not rows.covered(sample):
-            rows = self._attach_loop(rows, sample)
+            rows = self._attach_loop(rows, sample, sample.loop)
         # Sizes come first: they may look at this very sample.
         for segment in sample.segments[rows.covered(sample) : last]:
             if isinstance(segment.size, Quantity):
@@ -123,11 +126,10 @@ class Observer:
         rows, _ = self.require(rows, leaves(size), size)
         return rows.joined([sample, *(leaf.args[0] for leaf in leaves(size))])
 
-    def _attach_loop(self, rows: Rows, sample: Sample) -> Rows:
-        assert sample.loop is not None
+    def _attach_loop(self, rows: Rows, sample: Sample, loop: Loop) -> Rows:
         key = ("loop", sample.label)
         if key not in self.tables:
-            self.tables[key] = sample.loop.tables()
+            self.tables[key] = loop.tables()
         index = np.arange(self.tables[key][0].rows)
         entries = tuple(Entry(sample, part, part + 1, t, index) for part, t in enumerate(self.tables[key]))
         return rows.put((), Block(entries, len(index)))

@@ -396,7 +396,7 @@ def _size(n: Any, least: int) -> int | Quantity:
         n = fixed
     number = exact_number(n, "n")
     if number.denominator != 1 or number < least:
-        raise InputError(f"n={n!r} is not a sample size: draw an integer number of at least {least}")
+        raise InputError(f"n={number} is not a sample size: draw an integer number of at least {least}")
     return int(number)
 
 

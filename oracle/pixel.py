@@ -118,7 +118,8 @@ class Pixel:
     @cached_property
     def mean(self) -> Value:
         """The true mean I (Eq. 1), by channel for colours."""
-        return self._by_channel(lambda values: _dot(self.weights, values))
+        mean: Value = self._by_channel(lambda values: _dot(self.weights, values))
+        return mean
 
     @cached_property
     def variance(self) -> Value:
@@ -128,7 +129,8 @@ class Pixel:
             mean = _dot(self.weights, values)
             return _dot(self.weights, tuple((v - mean) ** 2 for v in values))
 
-        return self._by_channel(channel)
+        variance: Value = self._by_channel(channel)
+        return variance
 
     @cached_property
     def scale(self) -> Fraction:
@@ -172,7 +174,7 @@ class Pixel:
     def _by_channel(self, function: Any) -> Any:
         if self.channels is None:
             return function(self.values)
-        return tuple(function(column) for column in zip(*self.values, strict=True))  # type: ignore[arg-type]
+        return tuple(function(column) for column in zip(*self.values, strict=True))
 
 
 def _read_law(law: Mapping[Any, Any]) -> dict[Value, Fraction]:

@@ -59,10 +59,9 @@ class Plan:
     def signature(self) -> inspect.Signature:
         """Parameters after X."""
         signature = inspect.signature(self.function)
-        population, *rest = list(signature.parameters.values()) or [None]
-        if population is None:
+        if not signature.parameters:
             raise PlanError(f"plan {self.name!r} takes no argument: write def plan(X, n=4): ...")
-        return signature.replace(parameters=rest)
+        return signature.replace(parameters=list(signature.parameters.values())[1:])
 
     def __call__(self, X: Any, *args: Any, **params: Any) -> Any:
         """Use the plan inside another one; anywhere else it is an error."""

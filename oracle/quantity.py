@@ -52,9 +52,9 @@ class Node:
     __slots__ = ("args", "key", "op")
 
     def __init__(self, op: str, *args: Any) -> None:
-        self.op = op
-        self.args = args
-        self.key = hash((op, *[a.key if isinstance(a, Node) else a for a in args]))
+        self.op: str = op
+        self.args: tuple[Any, ...] = args
+        self.key: int = hash((op, *[a.key if isinstance(a, Node) else a for a in args]))
 
     def __repr__(self) -> str:
         return text(self)
@@ -114,7 +114,7 @@ class Quantity(Node):
     def __abs__(self) -> Quantity:
         return Quantity("abs", self)
 
-    def __round__(self, digits: int = 0) -> Quantity:
+    def __round__(self, digits: int = 0) -> Any:
         scale = Fraction(10) ** digits
         return Quantity("round", self * scale) / scale
 
@@ -144,7 +144,7 @@ class Quantity(Node):
     def __ne__(self, other: object) -> Any:
         return _compare("!=", self, other)
 
-    __hash__ = None  # type: ignore[assignment]
+    __hash__ = None
 
     # -- what Python would make a single number of --------------------------------------------
 
@@ -225,7 +225,7 @@ class Decision(Node):
         other = decision(other)
         return Decision("or", Decision("and", self, other), Decision("and", ~self, ~other))
 
-    __hash__ = None  # type: ignore[assignment]
+    __hash__ = None
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         return _numpy().apply_ufunc(ufunc, method, inputs, options)
@@ -392,6 +392,7 @@ def _is_zero(node: Quantity) -> bool:
 
 
 def by_channel(function: Callable[..., Any], *args: Any) -> Vector:
+    """A function applied channel by channel; what is no colour goes to every channel."""
     lengths = {len(a) for a in args if isinstance(a, Vector | tuple | list)}
     if len(lengths) != 1:
         raise PlanError(f"colours of {' and '.join(map(str, sorted(lengths)))} channels can't be combined")

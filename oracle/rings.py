@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from truemean.oracle.columns import Column, Ints, largest
 from truemean.oracle.law import Law
 
-__all__ = ["Approx", "Batch", "Exact", "Float64", "Ring", "Vector", "rounded"]
+__all__ = ["Approx", "Batch", "Exact", "Float64", "Ring", "Subsets", "Term", "Vector", "folded", "rounded"]
 
 Floats = NDArray[np.float64]
 _U = 2.0**-53
@@ -62,6 +62,16 @@ class Vector(Protocol):
         """The rows as ring numbers times a common unit."""
 
 
+Term = tuple[Column, tuple[Law, int], str]
+
+
+def folded(rest: Column, terms: list[Term]) -> Column:
+    """``rest + sum of coefficient * (mean or variance of a column)``, exactly."""
+    for coefficient, (law, column), moment in terms:
+        rest = rest + coefficient * Column.constant(law.mean(column) if moment == "mean" else law.variance(column))
+    return rest
+
+
 class Subsets(Protocol):
     """Some subsets of the k atoms."""
 
@@ -73,7 +83,9 @@ class Subsets(Protocol):
 
 
 class Ring(Protocol):
-    """A number system: atoms of a law in, vectors out."""
+    """A number system: weights of a law in, vectors out; ``closed`` if the weights are known exactly."""
+
+    closed: bool
 
     def subset_sums(self, law: Law, column: int, power: int, subsets: Subsets) -> Any:
         """Sums of ``omega_i (x_i - E[x])**power`` over subsets of the atoms, as a vector."""
@@ -92,6 +104,9 @@ class Ring(Protocol):
 
     def deviation(self, sums: Column, sizes: Column, law: Law, column: int) -> Any:
         """``sums - sizes * E[x]`` by row, as a vector."""
+
+    def combined(self, rest: Column, terms: list[Term]) -> Any:
+        """``rest + sum of coefficient * (mean or variance of a column)`` by row, as a vector."""
 
 
 # -- exact ----------------------------------------------------------------------------------------
@@ -143,6 +158,8 @@ class Integers:
 class Exact:
     """Rational arithmetic: integers over the common denominators of weights and values."""
 
+    closed = True
+
     def subset_sums(self, law: Law, column: int, power: int, subsets: Subsets) -> Integers:
         lattice, unit = law.lattice(column), law.unit
         first = sum(mass * e for mass, e in zip(law.masses, lattice.e.tolist(), strict=True))
@@ -153,6 +170,9 @@ class Exact:
 
     def mean(self, law: Law, column: int) -> Fraction:
         return law.mean(column)
+
+    def combined(self, rest: Column, terms: list[Term]) -> Integers:
+        return self.vector(folded(rest, terms))
 
     def number(self, value: Fraction) -> Fraction:
         return value
@@ -296,11 +316,16 @@ class Bounded:
 class Float64:
     """float64, with atoms and integer tables rounded from their exact values."""
 
+    closed = True
+
     def subset_sums(self, law: Law, column: int, power: int, subsets: Subsets) -> Bounded:
         return round_integers(Exact().subset_sums(law, column, power, subsets))
 
     def mean(self, law: Law, column: int) -> Approx:
         return rounded(law.mean(column))
+
+    def combined(self, rest: Column, terms: list[Term]) -> Bounded:
+        return self.vector(folded(rest, terms))
 
     def number(self, value: Fraction) -> Approx:
         return rounded(value)
@@ -371,6 +396,8 @@ class Plane:
 class Batch:
     """Many pixels of the same values at once: ``weights [k, ...]`` in the order of the law's atoms."""
 
+    closed = False
+
     def __init__(self, law: Law, weights: Floats) -> None:
         self.law, self.shape = law, weights.shape[1:]
         self.array = weights.reshape(len(weights), -1)
@@ -402,9 +429,12 @@ class Batch:
     def vector(self, column: Column) -> Plane:
         return Plane(np.repeat(column.floats()[:, None], self.array.shape[1], axis=1))
 
-    def outer(self, column: Column, by_pixel: Floats) -> Plane:
-        """An exact column times a number of each pixel."""
-        return Plane(column.floats()[:, None] * by_pixel)
+    def combined(self, rest: Column, terms: list[Term]) -> Plane:
+        total = self.vector(rest)
+        for coefficient, (law, column), moment in terms:
+            by_pixel = self.mean(law, column) if moment == "mean" else self.variance(law, column)
+            total = total + Plane(coefficient.spread(len(rest)).floats()[:, None] * by_pixel)
+        return total
 
     def counted(self, orders: Ints, exponents: Ints, law: Law) -> Plane:
         logs = np.array([math.log(int(n)) for n in orders])[:, None]

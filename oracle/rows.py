@@ -195,10 +195,10 @@ class GroupedTable(Table):
         starts: Ints,
     ) -> None:
         self.law, self.level, self.sizes, self.states = law, level, sizes, states
-        self._parts, self._factor, self._starts = parts, factor, starts
+        self.parts, self._factor, self._starts = parts, factor, starts
 
     def has_moments(self, column: int) -> bool:
-        return all(table.has_moments(column) for table, _ in self._parts)
+        return all(table.has_moments(column) for table, _ in self.parts)
 
     def mass(self, ring: Ring) -> Any:
         return self.moment(ring, 0, 0)
@@ -207,16 +207,16 @@ class GroupedTable(Table):
         if order and self.knows(f"sum:{column}"):
             return super()._moment(ring, column, order)
         self._prepare(ring, column, order)
-        moments = product([[t.moment(ring, column, o)[i] for o in range(order + 1)] for t, i in self._parts])[order]
+        moments = product([[t.moment(ring, column, o)[i] for o in range(order + 1)] for t, i in self.parts])[order]
         return (moments if self._factor is None else moments.scale(self._factor)).group(self._starts)
 
     def _prepare(self, ring: Ring, column: int, order: int) -> None:
         """Evaluate ancestors oldest first, so that long growth needs no deep recursion."""
         chain: list[GroupedTable] = []
-        table: Table = self._parts[0][0]
-        while isinstance(table, GroupedTable) and (ring, column if order else 0, order) not in table._memo:
+        table: Table = self.parts[0][0]
+        while isinstance(table, GroupedTable) and (ring, column if order else 0, order) not in table.memo:
             chain.append(table)
-            table = table._parts[0][0]
+            table = table.parts[0][0]
         for ancestor in reversed(chain[1:]):
             ancestor.moment(ring, column, order)
 

@@ -21,6 +21,7 @@ from truemean.oracle.enclose import enclosures
 from truemean.oracle.evaluate import Evaluator, leaves
 from truemean.oracle.features import Level
 from truemean.oracle.law import Law
+from truemean.oracle.loops import Loop
 from truemean.oracle.observing import Observer, Span
 from truemean.oracle.paths import Exploration
 from truemean.oracle.pixel import Pixel
@@ -80,8 +81,7 @@ class Sampler(Observer):
     def observe(self, rows: Rows, sample: Sample, features: set[str], spans: list[Span], why: Node | None) -> Rows:
         for number in range(rows.covered(sample), max(end for _, end in spans)):
             if sample.loop is not None and number < sample.loop.parts:
-                if number == 0:
-                    rows = self._loop(rows, sample)
+                rows = rows if number else self._loop(rows, sample, sample.loop)
                 continue
             size = sample.segments[number].size
             if isinstance(size, Quantity):
@@ -110,10 +110,8 @@ class Sampler(Observer):
         entry = Entry(sample, number, number + 1, table, np.arange(block.size))
         return Rows((Block((*block.entries, entry), block.size),))
 
-    def _loop(self, rows: Rows, sample: Sample) -> Rows:
+    def _loop(self, rows: Rows, sample: Sample, loop: Loop) -> Rows:
         """Grow every replicate's sample until its own stop."""
-        loop = sample.loop
-        assert loop is not None
         block = rows.blocks[0]
         parts, law = loop.parts, sample.law
         bounds = np.cumsum(np.array(law.weights, dtype=float))[:-1]
@@ -179,7 +177,7 @@ def _chunk(plan: Plan, pixel: Pixel, identity: Any, stream: int, params: dict[st
     estimates = np.empty((len(identity), pixel.channels or 1))
     costs = np.empty(len(identity))
     for path in exploration.paths:
-        rows, block = sampler.require(path.rows, leaves(*path.result, path.cost))
+        _, block = sampler.require(path.rows, leaves(*path.result, path.cost))
         evaluator = Evaluator(block, exploration.lenient)
         who = block.entries[0].index
         for channel, estimate in enumerate(path.result):

@@ -109,7 +109,7 @@ def family(name: str, k: int, n: int) -> Family:
         return replace(_constants(1), subsets=Windows(k, np.array([0]), np.array([k - 1])), states={})
     if n == 1 or k == 1:
         return _constants(k)
-    return {"flat": _flat, "extremes": _windows, "support": lambda k: _supports(k, n)}[name](k)
+    return _supports(k, n) if name == "support" else {"flat": _flat, "extremes": _windows}[name](k)
 
 
 def _constants(k: int) -> Family:

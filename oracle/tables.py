@@ -71,9 +71,9 @@ class Table(ABC):
     def moment(self, ring: Ring, column: int, order: int) -> Any:
         """E[(centred sum)^order; row] by row; order 0 is the probability."""
         key = (ring, column if order else 0, order)
-        if key not in self._memo:
-            self._memo[key] = self._moment(*key)
-        return self._memo[key]
+        if key not in self.memo:
+            self.memo[key] = self._moment(*key)
+        return self.memo[key]
 
     def _moment(self, ring: Ring, column: int, order: int) -> Any:
         moment = self.mass(ring)
@@ -83,7 +83,8 @@ class Table(ABC):
         return moment
 
     @cached_property
-    def _memo(self) -> dict[tuple[Ring, int, int], Any]:
+    def memo(self) -> dict[tuple[Ring, int, int], Any]:
+        """Moments already asked for."""
         return {}
 
     def weigh(self, ring: Ring, column: int, order: int, factors: Column, index: Ints) -> Any:
@@ -219,7 +220,7 @@ def rows_of(law: Law, n: int, wanted: Level) -> int:
         if feature.startswith(("sum", "squares")):
             column = int(feature.split(":")[1])
             rows *= n * largest(law.lattice(column).e) ** (2 if feature.startswith("squares") else 1) + 1
-    return min(rows, counts)
+    return int(min(rows, counts))
 
 
 def multinomial(n: int, k: int) -> tuple[Ints, Ints]:

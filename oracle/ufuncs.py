@@ -72,7 +72,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "round": lambda x, decimals=0: round(x, decimals),
     "around": lambda x, decimals=0: round(x, decimals),
     "abs": abs,
-    "sum": lambda x: sum(x),
+    "sum": sum,
     "all": lambda x: x.all(),
     "any": lambda x: x.any(),
 }
@@ -84,6 +84,7 @@ def _clip(x: Any, low: Any, high: Any) -> Any:
 
 
 def apply_ufunc(ufunc: np.ufunc, method: str, inputs: tuple[Any, ...], options: dict[str, Any]) -> Any:
+    """What a ufunc means on quantities; PlanError where it means nothing."""
     maker = _UFUNCS.get(ufunc.__name__)
     if maker is None or method != "__call__" or options:
         known = ", ".join(sorted(_UFUNCS))
@@ -97,6 +98,7 @@ def apply_ufunc(ufunc: np.ufunc, method: str, inputs: tuple[Any, ...], options: 
 
 
 def apply_function(function: Any, args: Any, kwargs: Any) -> Any:
+    """What another NumPy function means on quantities; PlanError where it means nothing."""
     maker = _FUNCTIONS.get(function.__name__)
     if maker is None:
         known = ", ".join(sorted(_FUNCTIONS))
@@ -112,6 +114,6 @@ def elementwise(function: Callable[..., Any], *inputs: Any) -> Any:
         cell[()] = given
         arrays.append(given if isinstance(given, np.ndarray) else cell)
     grid = np.broadcast(*arrays)
-    result = np.empty(grid.shape, dtype=object)
-    result.flat = [function(*elements) for elements in grid]
-    return result
+    result = np.empty(grid.size, dtype=object)
+    result[:] = [function(*elements) for elements in grid]
+    return result.reshape(grid.shape)
