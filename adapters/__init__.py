@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from truemean import __version__
 from truemean.adapters.registry import ADAPTERS, check_call, parse, resolve
-from truemean.errors import UnknownName
+from truemean.errors import SubjectError, TruemeanError, UnknownName, raised
 from truemean.subject import as_estimator
 
 __all__ = ["Available", "available", "load"]
@@ -31,7 +31,7 @@ def load(subject: str) -> Any:
 
     ``rest`` and the options are the arguments of the adapter. Raises UnknownName for an unknown
     adapter or option, InputError for a subject that can't be read, MissingExtra when the adapter's
-    package is not installed, SubjectError when the subject's own code fails while it is imported.
+    package is not installed, SubjectError with the line when the subject's own code fails while it is loaded.
 
     >>> load("python:truemean.adapters.reference:KirkArvo?n=8").n
     8
@@ -42,7 +42,12 @@ def load(subject: str) -> Any:
     factory = resolve(ADAPTERS[scheme].factory)
     arguments = (rest,) if rest else ()
     check_call(f"adapter {scheme}", factory, arguments, options)
-    return as_estimator(factory(*arguments, **options))
+    try:
+        return as_estimator(factory(*arguments, **options))
+    except TruemeanError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise SubjectError(f"subject={subject!r} can't be loaded: {raised(error)}") from error
 
 
 def available() -> list[Available]:

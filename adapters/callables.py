@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from truemean.adapters.registry import check_call, read_number
-from truemean.errors import InputError, InputTypeError, SubjectError, TruemeanError, UnknownName
+from truemean.errors import InputError, InputTypeError, UnknownName
 
 __all__ = ["load_callable"]
 
@@ -54,7 +54,7 @@ def _configured(target: str, thing: Any, options: dict[str, Any]) -> Any:
 
 
 def _import(place: str) -> ModuleType:
-    """The module at a dotted name or a path; SubjectError when its own code raises."""
+    """The module at a dotted name or a path; InputError when there is none."""
     path = Path(place)
     is_file = path.suffix == ".py"
     if is_file and not path.is_file():
@@ -64,15 +64,13 @@ def _import(place: str) -> ModuleType:
         sys.path.insert(0, folder)
     try:
         return _run_file(path) if is_file else import_module(place)
-    except TruemeanError:
-        raise
-    except Exception as error:
-        if isinstance(error, ModuleNotFoundError) and error.name and f"{place}.".startswith(f"{error.name}."):
-            raise InputError(
-                f"there is no module {error.name!r}, looked for in {folder} and among the installed ones: "
-                "write python:package.module:name or python:path/to/file.py:name"
-            ) from None
-        raise SubjectError(f"{place} can't be imported: {type(error).__name__}: {error}") from error
+    except ModuleNotFoundError as error:
+        if not f"{place}.".startswith(f"{error.name}."):
+            raise
+        raise InputError(
+            f"there is no module {error.name!r}, looked for in {folder} and among the installed ones: "
+            "write python:package.module:name or python:path/to/file.py:name"
+        ) from None
 
 
 def _run_file(path: Path) -> ModuleType:

@@ -12,6 +12,7 @@ import numpy as np
 
 from truemean import __version__
 from truemean.conformance.declared import read_declaration
+from truemean.conformance.replicates import attribute
 from truemean.conformance.settings import Chosen, Settings, read_pixels
 from truemean.conformance.stream import Stream, looks, open_streams
 from truemean.conformance.verdict import Case, PlanCheck, Report, Verdict
@@ -57,15 +58,16 @@ def judge(
     ('CONFORMS', True)
     """
     subject = as_estimator(estimator)
-    plan = read_declaration(getattr(subject, "declares", None) if declares is None else declares)
+    plan = read_declaration(attribute(subject, "declares") if declares is None else declares)
     settings = Settings(tolerance, alpha, beta, budget, seed, plan, range, timeout)
+    name, versions = attribute(subject, "name") or type(subject).__name__, _versions(subject)
     chosen = read_pixels(subject, pixels)
     streams, skipped = open_streams(subject, chosen, settings)
     ended, peak = _draw(subject, streams, settings, sum(each.channels for each in chosen), progress)
     cases = _cases(streams, [each.name for each in chosen], ended)
     verdict, reason = _verdict(cases, peak >= -math.log(settings.alpha_biased))
     return Report(
-        subject=str(getattr(subject, "name", type(subject).__name__)),
+        subject=str(name),
         verdict=verdict,
         reason=reason,
         plan_check=_plan_check(cases),
@@ -74,7 +76,7 @@ def judge(
         arguments=settings.arguments() | {"pixels": tuple(each.name for each in chosen)},
         seed=settings.seed,
         notes=_notes(settings, chosen),
-        versions=_versions(subject),
+        versions=versions,
         interrupted=ended == INTERRUPTED,
     )
 
@@ -143,5 +145,5 @@ def _notes(settings: Settings, chosen: Sequence[Chosen]) -> tuple[str, ...]:
 
 
 def _versions(subject: Any) -> dict[str, str]:
-    own = {str(name): str(version) for name, version in (getattr(subject, "versions", None) or {}).items()}
+    own = {str(name): str(version) for name, version in (attribute(subject, "versions") or {}).items()}
     return {"truemean": __version__, "python": platform.python_version(), "numpy": np.__version__, **own}

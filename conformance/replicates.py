@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from truemean.errors import InputError, NeedsScene, SubjectError, Unsupported
+from truemean.errors import InputError, NeedsScene, SubjectError, Unsupported, raised
 
-__all__ = ["Seeds", "run"]
+__all__ = ["Seeds", "attribute", "blaming", "run"]
 
 FloatArray = NDArray[np.float64]
+COLOURS = ": return [seeds, channels], e.g. values.mean(axis=0) per draw, or raise Unsupported to skip colour pixels"
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,23 @@ class Seeds:
         return index.astype(np.int64)
 
 
+@contextmanager
+def blaming(what: str) -> Iterator[None]:
+    """Whatever the subject raises meanwhile is a SubjectError: ``what`` crashed; declining stays Unsupported."""
+    try:
+        yield
+    except (Unsupported, NeedsScene) as declined:
+        raise Unsupported(str(declined)) from declined
+    except (Exception, SystemExit) as crash:
+        raise SubjectError(f"{what} crashed with {raised(crash)}") from crash
+
+
+def attribute(subject: Any, name: str) -> Any:
+    """What the subject says of itself under ``name``; None where it says nothing, SubjectError where that crashes."""
+    with blaming(name):
+        return getattr(subject, name, None)
+
+
 def run(
     subject: Any, pixels: Sequence[Any], channels: int | None, seeds: NDArray[np.int64]
 ) -> tuple[FloatArray, list[float] | None]:
@@ -60,19 +79,17 @@ def run(
     Raises Unsupported where the subject declines, SubjectError where it crashes or returns no estimates.
     """
     together = len(pixels) > 1
-    try:
+    with blaming("run_many(pixels, seeds)" if together else "run(pixel, seeds)"):
         raw = subject.run_many(pixels, seeds) if together else subject.run(pixels[0], seeds)
-        costs = getattr(subject, "costs", None)
+    costs = attribute(subject, "costs")
+    with blaming("costs(pixel, seeds)"):
         spent = costs and [float(np.sum(costs(pixel, seeds))) for pixel in pixels]
-    except (Unsupported, NeedsScene) as declined:
-        raise Unsupported(str(declined)) from declined
-    except (Exception, SystemExit) as crash:
-        raise SubjectError(f"crashed with {type(crash).__name__}: {crash}") from crash
     shape = (seeds.size, *([len(pixels)] if together else []), *([channels] if channels else []))
     outputs = _as_floats(raw)
     if outputs.shape != shape:
         raise SubjectError(
             f"returned {type(raw).__name__} of shape {outputs.shape} for {seeds.size} seeds, expected {shape}"
+            + (COLOURS if channels and outputs.shape == shape[:-1] else "")
         )
     return np.moveaxis(outputs.reshape(seeds.size, len(pixels), channels or 1), 0, -1), spent
 

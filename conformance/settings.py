@@ -12,9 +12,10 @@ import numpy as np
 
 from truemean.conformance.declared import Declaration
 from truemean.conformance.pixels import standard_pixels
+from truemean.conformance.replicates import attribute, blaming
 from truemean.conformance.target import Target
 from truemean.conformance.trial import Levels
-from truemean.errors import InputError, InputTypeError, SubjectError, Unsupported
+from truemean.errors import InputError, InputTypeError
 from truemean.oracle.exact import exact_number
 from truemean.oracle.pixel import Pixel
 
@@ -98,7 +99,7 @@ class Settings:
         colours = [value if isinstance(value, tuple) else (value,) for value in pixel.values]
         means = pixel.mean if isinstance(pixel.mean, tuple) else (pixel.mean,)
         bounds = self._bounds(subject, chosen, len(means))
-        rounding = exact_number(getattr(subject, "rounding", None) or ROUNDING, "rounding") * pixel.scale
+        rounding = exact_number(attribute(subject, "rounding") or ROUNDING, "rounding") * pixel.scale
         targets = []
         for channel, (column, mean) in enumerate(zip(zip(*colours, strict=True), means, strict=True)):
             low, high = bounds[channel] if bounds else (min(column), max(column))
@@ -123,20 +124,17 @@ class Settings:
 
 
 def _declared_range(subject: Any, given: Any) -> Any:
-    own = getattr(subject, "range", None)
-    try:
+    own = attribute(subject, "range")
+    with blaming("range(pixel)"):
         return own and own(given)
-    except Unsupported:
-        raise
-    except Exception as crash:
-        raise SubjectError(f"range(pixel) crashed with {type(crash).__name__}: {crash}") from crash
 
 
 def read_pixels(subject: Any, pixels: Any) -> list[Chosen]:
     """The pixels given, or those that the subject brings, or else the standard ones."""
     if pixels is None:
-        own = getattr(subject, "pixels", None)
-        pixels = standard_pixels() if own is None else own()
+        own = attribute(subject, "pixels")
+        with blaming("pixels()"):
+            pixels = standard_pixels() if own is None else own()
     if isinstance(pixels, Pixel):
         pixels = {repr(pixels): pixels}
     if not isinstance(pixels, Mapping) or not pixels:

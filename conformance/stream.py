@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from truemean.conformance.declared import derive_declared
-from truemean.conformance.replicates import Seeds, run
+from truemean.conformance.replicates import Seeds, attribute, run
 from truemean.conformance.settings import Chosen, Settings
 from truemean.conformance.trial import Trial
 from truemean.errors import SubjectError, Unsupported
@@ -84,7 +84,7 @@ def open_streams(subject: Any, chosen: Sequence[Chosen], settings: Settings) -> 
 
     One stream a pixel, or, where the subject renders many at once, one for all of as many channels.
     """
-    together = callable(getattr(subject, "run_many", None))
+    together = callable(attribute(subject, "run_many"))
     cases = sum(each.channels for each in chosen)
     groups: dict[Any, list[tuple[Chosen, list[Trial]]]] = {}
     skipped = {}
@@ -95,7 +95,7 @@ def open_streams(subject: Any, chosen: Sequence[Chosen], settings: Settings) -> 
             skipped[each.name] = str(declined)
         else:
             groups.setdefault(each.pixel.channels if together else each.name, []).append((each, trials))
-    bits = getattr(subject, "seed_bits", None) or SEED_BITS
+    bits = attribute(subject, "seed_bits") or SEED_BITS
     streams = []
     for number, group in enumerate(groups.values()):
         members, trials_of = zip(*group, strict=True)

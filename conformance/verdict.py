@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from enum import StrEnum
 from fractions import Fraction
-from numbers import Integral, Real
 from typing import Any
+
+from truemean.conformance.plain import plain
 
 __all__ = ["Case", "PlanCheck", "Report", "Verdict"]
 
@@ -66,8 +66,8 @@ class Case:
         return self.pixel if self.channel is None else f"{self.pixel}[{self.channel}]"
 
     def to_json(self) -> dict[str, Any]:
-        """This case for ``json.dumps``: exact numbers also as ``"p/q"``, no NaN or infinity."""
-        return _json({f.name: getattr(self, f.name) for f in fields(self)})
+        """This case for ``json.dumps``, as `plain` writes it."""
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,35 +87,6 @@ class Report:
     interrupted: bool = False
 
     def to_json(self) -> dict[str, Any]:
-        """The report for ``json.dumps``: exact numbers also as ``"p/q"``, no NaN or infinity."""
-        body = _json({f.name: getattr(self, f.name) for f in fields(self) if f.name != "cases"})
+        """The report for ``json.dumps``, as `plain` writes it."""
+        body = {f.name: plain(getattr(self, f.name)) for f in fields(self) if f.name != "cases"}
         return {"schema": SCHEMA, **body, "cases": [case.to_json() for case in self.cases]}
-
-
-def _json(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """``fields`` with plain values; a Fraction is a float, and ``"p/q"`` under the name + ``_exact``."""
-    plain: dict[str, Any] = {}
-    for name, value in fields.items():
-        plain[name] = _plain(value)
-        if isinstance(value, Fraction):
-            plain[f"{name}_exact"] = str(value)
-        elif isinstance(value, tuple) and value and isinstance(value[0], Fraction):
-            plain[f"{name}_exact"] = [str(part) for part in value]
-    return plain
-
-
-def _plain(value: Any) -> Any:
-    match value:
-        case None | bool():
-            return value
-        case Integral():
-            return int(value)
-        case Real():
-            number = float(value)
-            return number if math.isfinite(number) else None
-        case Mapping():
-            return _json({str(key): part for key, part in value.items()})
-        case tuple() | list():
-            return [_plain(part) for part in value]
-        case _:
-            return str(value)

@@ -1,9 +1,9 @@
 """The oracle: the exact expected value of any declared sampling plan over a discrete pixel."""
 
 from truemean.oracle.derivation import Derivation, derive
+from truemean.oracle.float64 import Approx
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.plan import Plan, plan
-from truemean.oracle.rings import Approx
 from truemean.oracle.simulate import simulate
 
 __all__ = ["Approx", "Derivation", "Pixel", "Plan", "derive", "plan", "simulate"]

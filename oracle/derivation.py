@@ -11,16 +11,19 @@ from typing import Any
 import numpy as np
 
 from truemean.errors import InputError, InputTypeError, UnknownName
+from truemean.oracle.batch import Batch
 from truemean.oracle.distribution import joined_law
 from truemean.oracle.evaluate import check_closed
+from truemean.oracle.exploration import Exploration
 from truemean.oracle.features import Level
+from truemean.oracle.float64 import Approx, Float64, rounded
 from truemean.oracle.forms import prepare
 from truemean.oracle.law import Law, SubLaw
 from truemean.oracle.moments import Form
-from truemean.oracle.paths import Exploration, Path
+from truemean.oracle.paths import Path
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.plan import Plan, as_plan
-from truemean.oracle.rings import Approx, Batch, Exact, Float64, Ring, rounded
+from truemean.oracle.rings import Exact, Ring
 
 __all__ = ["Derivation", "DerivedPath", "derive"]
 

@@ -8,9 +8,9 @@ from typing import Any
 
 from truemean.oracle.columns import Column, grouping, integers
 from truemean.oracle.evaluate import Evaluator, leaves
-from truemean.oracle.forms import keep_versions
+from truemean.oracle.exploration import Exploration
 from truemean.oracle.linear import linear, per_draw
-from truemean.oracle.paths import Exploration, Path
+from truemean.oracle.paths import Path
 from truemean.oracle.quantity import Quantity, constant
 from truemean.oracle.rings import Ring
 from truemean.oracle.rows import Block, Rows, product
@@ -38,7 +38,7 @@ def _observed(path: Path) -> tuple[Rows, list[list[Quantity]]]:
         terms = [per_draw(leaf, coefficient) * Quantity("sum", *leaf.args) for leaf, coefficient in form.samples]
         terms += [constant(law.mean(c)) * coefficient for (law, c), coefficient in form.truths]
         by_channel.append([*terms, form.rest])
-    keep_versions(path, list(path.result))
+    path.observer.keep_versions(path.rows, leaves(*path.result))
     for terms in by_channel:
         for term in terms:
             rows, _ = path.observer.require(rows, leaves(term), term)

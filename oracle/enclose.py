@@ -16,7 +16,8 @@ from flint import arb, ctx, fmpq
 
 from truemean.errors import UndecidedTie
 from truemean.oracle.columns import Column, NotRational, Surd
-from truemean.oracle.quantity import Node, Quantity, text
+from truemean.oracle.quantity import Node, Quantity
+from truemean.oracle.wording import text
 
 if TYPE_CHECKING:
     from truemean.oracle.evaluate import Evaluator

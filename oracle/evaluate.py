@@ -10,9 +10,10 @@ import numpy as np
 from truemean.errors import PlanError, UndefinedValue
 from truemean.oracle.columns import Bools, Column, NotRational, Surd
 from truemean.oracle.law import Law
-from truemean.oracle.quantity import Decision, Node, Quantity, text
+from truemean.oracle.quantity import Decision, Node, Quantity
 from truemean.oracle.rows import Block
 from truemean.oracle.statistics import Observed, flat, statistic
+from truemean.oracle.wording import text
 
 __all__ = ["Evaluator", "check_closed", "leaves", "row_text"]
 

@@ -1,4 +1,4 @@
-"""Reading numbers: strings are decimal rationals, floats are taken at their exact binary value."""
+"""Reading and writing numbers: strings are decimal rationals, floats are taken at their exact binary value."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from fractions import Fraction
 from numbers import Integral, Rational
 from typing import Any
 
+from flint import fmpq
+
 from truemean.errors import InputError, InputTypeError
 
-__all__ = ["exact_fraction", "exact_number", "exact_weight"]
+__all__ = ["exact_fraction", "exact_number", "exact_text", "exact_weight"]
 
 
 def exact_number(value: Any, name: str = "value") -> Fraction:
@@ -62,6 +64,15 @@ def exact_fraction(value: Any, name: str) -> Fraction:
     if not 0 < part < 1:
         raise InputError(f"{name}={value!r} must lie strictly between 0 and 1")
     return part
+
+
+def exact_text(value: Rational) -> str:
+    """``p/q`` in full, however long (Python's own conversion stops at 4300 digits).
+
+    >>> exact_text(Fraction(-1197, 16384)), len(exact_text(Fraction(10**5000, 3)))
+    ('-1197/16384', 5003)
+    """
+    return str(fmpq(int(value.numerator), int(value.denominator)))
 
 
 def _is_real(value: Any) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
@@ -17,26 +16,26 @@ from truemean.oracle.linear import ZERO, Linear, Truth, added_up, least, linear,
 from truemean.oracle.moments import Form, Part, Unseen
 from truemean.oracle.observing import Replay
 from truemean.oracle.paths import Path
-from truemean.oracle.quantity import Node, Quantity, constant, quantity, text
+from truemean.oracle.quantity import Node, Quantity, constant, quantity
 from truemean.oracle.rows import Block, Entry, Rows
 from truemean.oracle.sample import Sample
+from truemean.oracle.wording import text
 
-__all__ = ["keep_versions", "prepare"]
+__all__ = ["prepare"]
 
 _HEADROOM = 1 << 60  # what an irrational coefficient may be multiplied by
 
 
-@dataclass(slots=True)
 class _Draft:
     """A form while its blocks are still being joined."""
 
-    path: Path
-    rows: Rows
-    factors: list[tuple[Sample, int, int, Quantity]] = field(default_factory=list)
-    unseen: list[tuple[Law, int, Quantity, Quantity]] = field(default_factory=list)
-    truths: list[tuple[Truth, Quantity]] = field(default_factory=list)
-    rest: list[Quantity] = field(default_factory=list)
-    checks: list[Quantity] = field(default_factory=list)
+    def __init__(self, path: Path, rows: Rows, form: Linear) -> None:
+        self.path, self.rows = path, rows
+        self.factors: list[tuple[Sample, int, int, Quantity]] = []
+        self.unseen: list[tuple[Law, int, Quantity, Quantity]] = []
+        self.truths: list[tuple[Truth, Quantity]] = list(form.truths)
+        self.rest: list[Quantity] = [form.rest]
+        self.checks: list[Quantity] = []
 
     def join(self, nodes: Iterable[Node], sample: Sample | None = None) -> None:
         """Bring what the nodes read, and a sample already observed, into one block."""
@@ -55,26 +54,17 @@ def prepare(path: Path, estimate: Quantity, truth: Truth | None, order: int, app
     """
     form = linear(estimate)
     if truth is not None:
-        form.truths.append((truth, constant(-1)))
-    keep_versions(path, [estimate])
+        form = form.plus(Linear(truths=((truth, constant(-1)),)))
+    path.observer.keep_versions(path.rows, leaves(estimate))
     rows = path.rows
     while (draft := _drafted(path, rows, form, order)).rows is not rows:
         rows = draft.rows  # what coefficients read has been observed: read the samples' terms anew
     return _finished(draft, approximate)
 
 
-def keep_versions(path: Path, nodes: list[Quantity]) -> None:
-    """Make sure that no version of a sample that an estimate mentions is merged away."""
-    spans: dict[Any, tuple[Sample, list[tuple[int, int]]]] = {}
-    for leaf in leaves(*nodes):
-        spans.setdefault(leaf.args[0].label, (leaf.args[0], []))[1].append(leaf.args[1])
-    for sample, found in spans.values():
-        path.observer.keep_versions(path.rows, sample, found)
-
-
 def _drafted(path: Path, rows: Rows, form: Linear, order: int) -> _Draft:
     """Coefficients of everything in the form, and the blocks that they read joined."""
-    draft = _Draft(path, rows, truths=list(form.truths), rest=[form.rest])
+    draft = _Draft(path, rows, form)
     for group in _by_sample(form.samples):
         _draft_sample(draft, group, order)
     for sample, _, _, factor in draft.factors:
@@ -88,7 +78,7 @@ def _drafted(path: Path, rows: Rows, form: Linear, order: int) -> _Draft:
     return draft
 
 
-def _by_sample(terms: list[tuple[Quantity, Quantity]]) -> list[list[tuple[Quantity, Quantity]]]:
+def _by_sample(terms: Iterable[tuple[Quantity, Quantity]]) -> list[list[tuple[Quantity, Quantity]]]:
     groups: dict[Any, list[tuple[Quantity, Quantity]]] = {}
     for leaf, coefficient in terms:
         groups.setdefault(leaf.args[0].label, []).append((leaf, coefficient))
@@ -111,13 +101,18 @@ def _draft_sample(draft: _Draft, terms: list[tuple[Quantity, Quantity]], order: 
         raise Replay(sample.label)
     for leaf, coefficient in terms:
         span = leaf.args[1]
-        draft.path.observer.keep_versions(draft.rows, sample, [span])
+        draft.path.observer.keep_versions(draft.rows, [leaf])
         size = quantity(sample.size_of(*span))
         whole = coefficient if leaf.op == "mean" else times(coefficient, size)
         draft.truths.append(((sample.law, column), whole))
         factors.append((span, per_draw(leaf, coefficient)))
         if leaf.op == "mean" and least(size) < 1:
             draft.checks.append(factors[-1][1])
+    # A coefficient that depends on these very draws makes them anything but unseen.
+    depends_on = draft.path.observer.depends_on
+    own = [f for _, f in factors if any(x.args[0].label == sample.label for x in depends_on(draft.rows, leaves(f)))]
+    if own and draft.rows.covered(sample) < len(sample.segments):
+        draft.join([*own, *(leaf for leaf, _ in terms)])
     covered = entries[-1].last if entries else 0
     for e in entries:
         draft.factors.append((sample, e.first, column, added_up(f for s, f in factors if s[0] <= e.first < s[1])))
@@ -158,15 +153,15 @@ def _finished(draft: _Draft, approximate: bool) -> Form:
     return Form(draft.rows, tuple(place.part() for place in homes.places.values()), homes.slack)
 
 
-@dataclass(slots=True)
 class _Place:
     """What is gathered for one block."""
 
-    evaluator: Evaluator
-    factors: list[tuple[Entry, int, Column]] = field(default_factory=list)
-    unseen: list[Unseen] = field(default_factory=list)
-    truths: list[tuple[Truth, Column]] = field(default_factory=list)
-    rest: Column = field(default_factory=lambda: Column.constant(0))
+    def __init__(self, evaluator: Evaluator) -> None:
+        self.evaluator = evaluator
+        self.factors: list[tuple[Entry, int, Column]] = []
+        self.unseen: list[Unseen] = []
+        self.truths: list[tuple[Truth, Column]] = []
+        self.rest = Column.constant(0)
 
     def part(self) -> Part:
         """The block's part of the form."""

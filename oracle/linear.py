@@ -16,12 +16,12 @@ ZERO, ONE = constant(0), constant(1)
 Truth = tuple[Law, int]
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Linear:
     """``rest + sum coefficient * mean or sum of a sample + sum coefficient * true mean``."""
 
-    samples: list[tuple[Quantity, Quantity]] = field(default_factory=list)
-    truths: list[tuple[Truth, Quantity]] = field(default_factory=list)
+    samples: tuple[tuple[Quantity, Quantity], ...] = ()
+    truths: tuple[tuple[Truth, Quantity], ...] = ()
     rest: Quantity = field(default_factory=lambda: ZERO)
 
     def plus(self, other: Linear) -> Linear:
@@ -31,8 +31,8 @@ class Linear:
     def times(self, factor: Quantity) -> Linear:
         """The form times something known on each row."""
         return Linear(
-            [(leaf, times(c, factor)) for leaf, c in self.samples],
-            [(truth, times(c, factor)) for truth, c in self.truths],
+            tuple((leaf, times(c, factor)) for leaf, c in self.samples),
+            tuple((truth, times(c, factor)) for truth, c in self.truths),
             times(self.rest, factor),
         )
 
@@ -41,9 +41,9 @@ def linear(node: Quantity) -> Linear:
     """Read an expression as a linear form; what is not linear becomes part of the rest."""
     op, args = node.op, node.args
     if op in ("mean", "sum"):
-        return Linear(samples=[(node, ONE)])
+        return Linear(samples=((node, ONE),))
     if op == "true mean":
-        return Linear(truths=[((args[0], args[1]), ONE)])
+        return Linear(truths=(((args[0], args[1]), ONE),))
     if not _has_means(node):
         return Linear(rest=node)
     if op == "+":

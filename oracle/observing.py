@@ -15,11 +15,12 @@ from truemean.errors import PlanError
 from truemean.oracle.columns import Column, Ints
 from truemean.oracle.evaluate import Evaluator, leaves
 from truemean.oracle.features import Level, gives, level
-from truemean.oracle.quantity import Node, Quantity, text
+from truemean.oracle.quantity import Node, Quantity
 from truemean.oracle.rows import Block, Entry, Rows, StackedTable
 from truemean.oracle.sample import Sample
 from truemean.oracle.statistics import features_of
 from truemean.oracle.tables import Table
+from truemean.oracle.wording import text
 
 if TYPE_CHECKING:
     from truemean.oracle.loops import Loop
@@ -46,6 +47,7 @@ class Observer:
 
     def require(self, rows: Rows, asked: Sequence[Node], why: Node | None = None) -> tuple[Rows, Block]:
         """Observe what statistics ask for, and bring their samples into one block."""
+        self.keep_versions(rows, asked)
         wanted: dict[Any, tuple[Sample, set[str], list[Span]]] = {}
         for leaf in asked:
             sample = leaf.args[0]
@@ -56,10 +58,21 @@ class Observer:
             rows = self.observe(rows, sample, features, spans, why)
         return rows.joined([sample for sample, _, _ in wanted.values()])
 
+    def depends_on(self, rows: Rows, asked: Sequence[Node]) -> list[Node]:
+        """What statistics look at, also by way of the sizes and chances of samples not yet attached."""
+        found, open_leaves = [], list(asked)
+        while open_leaves:
+            leaf = open_leaves.pop()
+            found.append(leaf)
+            sample, covered = leaf.args[0], rows.covered(leaf.args[0])
+            sizes = [s.size for s in sample.segments[covered : leaf.args[1][1]] if isinstance(s.size, Quantity)]
+            if sample.loop is None:
+                open_leaves += leaves(*sizes, *([] if covered else sample.chances or []))
+        return found
+
     def observe(self, rows: Rows, sample: Sample, features: set[str], spans: list[Span], why: Node | None) -> Rows:
         """Attach a sample, up to the last version mentioned, at a level that gives the features."""
         self.note(rows, sample, features)
-        self.keep_versions(rows, sample, spans)
         last = max(end for _, end in spans)
         # A sample that grew until it stopped brings its own rows.
         if sample.loop is not None and not rows.covered(sample):
@@ -90,14 +103,19 @@ class Observer:
         if any(not e.table.knows(f) for e in entries for f in needs):
             raise Replay(sample.label)
 
-    def keep_versions(self, rows: Rows, sample: Sample, spans: list[Span]) -> None:
+    def keep_versions(self, rows: Rows, asked: Sequence[Node]) -> None:
         """An older version that outlives growth needs the segments of its sample kept apart."""
-        cuts = {cut for span in spans for cut in span}
-        if any(0 < cut < max(cuts) for cut in cuts):
-            self.apart.add(sample.label)
-        if any(e.first < cut < e.last for e in rows.entries_of(sample) for cut in cuts):
-            self.apart.add(sample.label)
-            raise Replay(sample.label)
+        cuts: dict[Any, set[int]] = {}
+        samples: dict[Any, Sample] = {}
+        for leaf in self.depends_on(rows, asked):
+            samples[leaf.args[0].label] = leaf.args[0]
+            cuts.setdefault(leaf.args[0].label, set()).update(leaf.args[1])
+        for label, sample in samples.items():
+            if any(0 < cut < max(cuts[label]) for cut in cuts[label]):
+                self.apart.add(label)
+            if any(e.first < cut < e.last for e in rows.entries_of(sample) for cut in cuts[label]):
+                self.apart.add(label)
+                raise Replay(label)
 
     def level_of(self, sample: Sample) -> Level:
         """The coarsest level that gives all that a sample is needed for."""

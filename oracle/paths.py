@@ -8,32 +8,34 @@ run again.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from numbers import Rational
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from truemean.errors import InputError, NotDeterministic, PlanError, RowBudgetExceeded, TruemeanError
+from truemean.errors import InputError, NotDeterministic, PlanError, TruemeanError
 from truemean.oracle.evaluate import Evaluator, check_closed, leaves
 from truemean.oracle.exact import exact_number
 from truemean.oracle.features import Level
+from truemean.oracle.float64 import Float64
 from truemean.oracle.importance import proposal_law
 from truemean.oracle.law import Law, SubLaw
-from truemean.oracle.observing import Observer, Replay
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.population import Population
-from truemean.oracle.quantity import CURRENT, Decision, Node, Quantity, Vector, constant, quantity, text
-from truemean.oracle.rings import Exact, Float64
+from truemean.oracle.quantity import CURRENT, Decision, Node, Quantity, Vector, constant, quantity
+from truemean.oracle.rings import Exact
 from truemean.oracle.rows import Block, Rows
 from truemean.oracle.sample import Sample, Segment
-from truemean.oracle.tables import Table, power, rows_of
+from truemean.oracle.tables import Table
+from truemean.oracle.wording import text
 
-__all__ = ["Exploration", "Path"]
+if TYPE_CHECKING:
+    from truemean.oracle.exploration import Exploration
 
-_VERIFIED_DECISIONS = 20_000
+__all__ = ["Path", "Pending", "Point"]
+
 _MOST_DECISIONS = 1_200
 _MOST_VALUES = 64
 
@@ -57,97 +59,6 @@ class Pending:
 
     prefix: tuple[bool, ...]
     rows: Rows | None
-
-
-class Exploration:
-    """All paths of a plan on a pixel, and the needs that they have noted."""
-
-    def __init__(
-        self,
-        function: Callable[..., Any],
-        pixel: Pixel,
-        params: dict[str, Any],
-        budget: int,
-        lenient: bool,
-        parent: Exploration | None = None,
-        weightless: bool = False,
-    ) -> None:
-        self.function, self.pixel, self.params = function, pixel, params
-        self.budget, self.lenient, self.weightless = budget, lenient, weightless
-        self.laws: dict[Any, Law] = parent.laws if parent else {}
-        self.pixels: dict[int, tuple[Pixel, Law]] = parent.pixels if parent else {}
-        self.tables: dict[Any, Any] = parent.tables if parent else {}
-        self.subplans: dict[Any, SubLaw] = parent.subplans if parent else {}
-        self.observer = Observer(self.tables, self.check_budget, lenient)
-        self.root = Point(())
-        self.start = Rows()
-        self._paths: list[Path] | None = None
-
-    @property
-    def paths(self) -> list[Path]:
-        """Every path, depth first, the answer "yes" before "no"."""
-        if self._paths is None:
-            self._paths = self._explore()
-        return self._paths
-
-    def prepared(self, prepare: Callable[[Path], Any]) -> list[Any]:
-        """What ``prepare`` makes of every path; a need that it notes sends all paths round again."""
-        while True:
-            try:
-                return [prepare(path) for path in self.paths]
-            except Replay:
-                self._paths = None
-
-    def _explore(self) -> list[Path]:
-        pending = [Pending((), self.start)]
-        finished: list[Path] = []
-        replayed = 0
-        while pending:
-            task = pending.pop()
-            path = Path(self, task)
-            try:
-                path.run()
-            except Replay as need:
-                below = need.label[0].prefix
-                pending = [p if p.prefix[: len(below)] != below else Pending(p.prefix, None) for p in pending]
-                pending.append(Pending(task.prefix, None))
-                continue
-            if replayed < _VERIFIED_DECISIONS:
-                path.verify()
-                replayed += len(path.taken)
-            finished.append(path)
-            pending += path.forks
-        return finished
-
-    # -- what paths share --------------------------------------------------------------------
-
-    def table(self, law: Law, n: int, wanted: Level, asked: str) -> Table:
-        """A table, made once; RowBudgetExceeded if it would have too many rows."""
-        key = (law, n, wanted)
-        if key not in self.tables:
-            self.check_budget(rows_of(law, n, wanted), f"{asked} at level {wanted} of {n} draws of {law.k} values")
-            self.tables[key] = power(law, n, wanted)
-        found: Table = self.tables[key]
-        return found
-
-    def check_budget(self, rows: int, asked: str) -> None:
-        """Complain before memory runs out."""
-        if rows > self.budget:
-            raise RowBudgetExceeded(
-                f"{asked} needs {rows:,} rows, more than rows={self.budget:,}: decide on a coarser statistic, draw less, "
-                f"give a larger rows=, or use rows='sampled' for an interval"
-            )
-
-    def law_of(self, pixel: Pixel) -> Law:
-        """The law of a pixel; equal pixels share it."""
-        known = self.pixels.get(id(pixel))
-        if known is None:
-            key = (pixel.values, pixel.weights)
-            if key not in self.laws:
-                self.laws[key] = Law([v if isinstance(v, tuple) else (v,) for v in pixel.values], pixel.weights)
-                self.laws[key].open = self.weightless
-            known = self.pixels[id(pixel)] = (pixel, self.laws[key])
-        return known[1]
 
 
 class Path:

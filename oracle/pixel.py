@@ -192,7 +192,10 @@ def _read_law(law: Mapping[Any, Any]) -> dict[Value, Fraction]:
         )
     total = sum(merged.values())
     if total != 1:
-        raise InputError(f"weights {', '.join(map(str, merged.values()))} sum to {total}, not to 1")
+        way_out = f"add the missing {1 - total}" if total < 1 else f"take away {total - 1}"
+        raise InputError(
+            f"weights {', '.join(map(str, merged.values()))} sum to {total}, not to 1: {way_out}, or scale them"
+        )
     return merged
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from truemean.errors import PlanError
 from truemean.oracle.exact import exact_number
+from truemean.oracle.wording import text
 
 __all__ = [
     "CURRENT",
@@ -30,7 +31,6 @@ __all__ = [
     "constant",
     "decision",
     "quantity",
-    "text",
     "where",
 ]
 
@@ -399,47 +399,3 @@ def by_channel(function: Callable[..., Any], *args: Any) -> Vector:
     (channels,) = lengths
     spread = [a if isinstance(a, Vector | tuple | list) else (a,) * channels for a in args]
     return Vector(function(*parts) for parts in zip(*spread, strict=True))
-
-
-# -- text ----------------------------------------------------------------------------------------
-
-_NEGATED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<", "==": "!=", "!=": "=="}
-_INFIX = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 3}
-
-
-def text(node: Any, side: bool = True, tight: int = 0) -> str:
-    """The formula of a node in the words of the plan; ``side=False`` writes a decision's negation."""
-    if not isinstance(node, Node):
-        return str(node)
-    if not side:
-        return _negated(node)
-    op, args = node.op, node.args
-    if op in ("const", "truth"):
-        return str(args[0])
-    if op in _INFIX:
-        level = _INFIX[op]
-        if op == "*" and args[0].op == "const" and args[0].args[0] == -1:
-            return f"-{text(args[1], tight=3)}"
-        inner = f"{text(args[0], tight=level)} {op} {text(args[1], tight=level + 1)}"
-        return f"({inner})" if level < tight else inner
-    if op in _NEGATED:
-        return f"{text(args[0])} {op} {text(args[1])}"
-    if op in ("and", "or"):
-        return f"({text(args[0])} {op} {text(args[1])})"
-    if op == "not":
-        return text(args[0], side=False)
-    if op in ("stat", "flat", "mean"):
-        return str(args[0].describe(node))
-    if op == "true mean":
-        return "true mean" if args[0].name == "X" else f"true mean of {args[0].name}"
-    return f"{op}({', '.join(map(text, args))})"
-
-
-def _negated(node: Node) -> str:
-    if node.op in _NEGATED:
-        return f"{text(node.args[0])} {_NEGATED[node.op]} {text(node.args[1])}"
-    if node.op == "not":
-        return text(node.args[0])
-    if node.op == "flat" and node.args[5]:
-        return text(node).replace(f" {node.args[5]} ", f" {_NEGATED[node.args[5]]} ")
-    return f"not {text(node)}"

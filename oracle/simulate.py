@@ -19,11 +19,11 @@ from truemean.errors import InputError, PlanError
 from truemean.oracle.columns import Ints, NotRational
 from truemean.oracle.enclose import enclosures
 from truemean.oracle.evaluate import Evaluator, leaves
+from truemean.oracle.exploration import Exploration
 from truemean.oracle.features import Level
 from truemean.oracle.law import Law
 from truemean.oracle.loops import Loop
 from truemean.oracle.observing import Observer, Span
-from truemean.oracle.paths import Exploration
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.plan import Plan, as_plan
 from truemean.oracle.plans import find_plan

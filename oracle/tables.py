@@ -22,8 +22,9 @@ from flint import fmpz_mpoly_ctx
 
 from truemean.oracle.columns import Column, Ints, grouping, integers, largest, times
 from truemean.oracle.features import Level, gives, squares, total
+from truemean.oracle.float64 import Float64, round_integers
 from truemean.oracle.law import Law
-from truemean.oracle.rings import Exact, Float64, Integers, Ring, Subsets, round_integers
+from truemean.oracle.rings import Exact, Integers, Ring, Subsets
 from truemean.oracle.subsets import Family, family
 
 __all__ = ["CountTable", "LatticeTable", "PolynomialTable", "SequenceTable", "Table", "power", "rows_of"]

@@ -51,6 +51,16 @@ def test_the_examples_of_the_help_can_be_typed(folder):
 
 
 @pytest.mark.slow
+def test_json_of_a_derivation_loads_no_charts(run, tmp_path):
+    code = (
+        "import sys; from typer.testing import CliRunner; import truemean.cli;"
+        f"done = CliRunner().invoke(truemean.cli.app, ['derive', 'fixed', *{PIXEL}, '--json', '-']);"
+        "print(done.exit_code, [name for name in ('matplotlib', 'jinja2', 'scipy', 'sympy') if name in sys.modules])"
+    )
+    assert run("-c", code, cwd=tmp_path).stdout == "0 []\n"
+
+
+@pytest.mark.slow
 def test_help_loads_nothing_heavy(run):
     heavy = ("numpy", "scipy", "sympy", "matplotlib", "flint", "mpmath", "rich.table", "jinja2")
     code = (
@@ -210,13 +220,13 @@ def test_list_tells_all_there_is():
         (["derive", "fixed", *PIXEL, "--arithmetic", "flaot64"], 2, "did you mean float64"),
         (["derive", "sequential", *PIXEL, "--rows", "3"], 2, "more than rows=3"),
         (["derive", "fixed", *PIXEL, "--json", "no/where.json"], 2, "--json 'no/where.json'"),
-        (["derive", "fixed", "--pixel", "0:1/2"], 2, "pixel '0:1/2': weights 1/2 sum to 1/2"),
+        (["derive", "fixed", "--pixel", "0:1/2"], 2, "pixel '0:1/2': weights 1/2 sum to 1/2, not to 1: add the missing 1/2"),
         (["judge", "pyton:a:b", "--tolerance", "1%"], 2, "did you mean python"),
         (["judge", "python:subjects_of_cli.py:noise", "--tolerance", "1%"], 2, "did you mean noisy"),
         (
             ["judge", "python:subjects_of_cli.py:Broken", "--tolerance", "1%"],
             4,
-            "can't be loaded: RuntimeError: no device",
+            "can't be loaded: RuntimeError: no device (",
         ),
         (["judge", "plan:fixed", "--tolerance", "one"], 2, "tolerance='one'"),
         (["judge", "plan:fixed", "--tolerance", "1%", "--declares", "fixd"], 2, "did you mean fixed"),

@@ -85,7 +85,7 @@ def test_judge_takes_the_pixels_asked_for(folder):
 def test_judge_runs_a_plan_of_the_catalogue():
     code, out, _ = call("judge", "plan:kirk-arvo?n=4", "--tolerance", "1%", "--pixels", "0:7/8,1:1/8", "--json", "-")
     (case,) = json.loads(out)["cases"]
-    assert (code, case["verdict"], case["declared_bias_exact"]) == (1, "BIASED", "-1197/16384")
+    assert (code, case["verdict"], case["declared_bias"]["exact"]) == (1, "BIASED", "-1197/16384")
 
 
 @pytest.mark.slow

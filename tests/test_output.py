@@ -1,4 +1,4 @@
-"""What the command line writes: numbers of any length, files, and directories that are replaced as a whole."""
+"""What the command line writes: numbers of any length for people, files, and directories that are replaced as a whole."""
 
 import json
 import sys
@@ -8,36 +8,18 @@ import pytest
 
 from truemean.errors import InputError
 from truemean.oracle import Approx
-from truemean.output import decimal, exact, number, replaced, shortened, write_json, write_text
+from truemean.oracle.exact import exact_text
+from truemean.output import decimal, replaced, shortened, write_json, write_text
 
 LONG = Fraction(-(7**6000), 8**6000)
 
 
-@pytest.fixture
-def unlimited():
-    """Python writes integers of any length."""
-    limit = sys.get_int_max_str_digits()
-    sys.set_int_max_str_digits(0)
-    yield
-    sys.set_int_max_str_digits(limit)
-
-
-def test_an_exact_number_is_whole_beyond_pythons_limit():
-    with pytest.raises(ValueError, match="4300 digits"):
-        str(LONG)
-    assert len(exact(LONG)) > 10_000
-
-
-def test_a_long_exact_number_is_right(unlimited):
-    assert exact(LONG) == str(LONG)
-
-
 def test_a_long_number_is_shortened_for_people_and_a_short_one_is_not():
     assert len(shortened(LONG)) < 80
-    assert shortened(LONG).startswith(exact(LONG)[:7])
-    assert shortened(LONG).endswith(exact(LONG)[-7:])
+    assert shortened(LONG).startswith(exact_text(LONG)[:7])
+    assert shortened(LONG).endswith(exact_text(LONG)[-7:])
     for value in (Fraction(0), Fraction(-3), Fraction(-1197, 16384), Fraction(10**23, 7)):
-        assert shortened(value) == str(value) == exact(value)
+        assert shortened(value) == str(value) == exact_text(value)
 
 
 def test_a_decimal_is_right_below_and_beyond_the_floats():
@@ -46,13 +28,6 @@ def test_a_decimal_is_right_below_and_beyond_the_floats():
     assert decimal(Fraction(2, 3 * 10**500), 4) == "6.667e-501"
     assert decimal(Fraction(2 * 10**500, 3), 4) == "6.667e+499"
     assert decimal(Approx(0.25, 1e-17)) == "0.25"
-
-
-def test_a_number_for_json_has_both_forms():
-    assert number(Fraction(1, 3)) == {"exact": "1/3", "value": 1 / 3}
-    assert number((Fraction(1), Fraction(2))) == [{"exact": "1", "value": 1.0}, {"exact": "2", "value": 2.0}]
-    assert number(Approx(0.25, 1e-17)) == {"value": 0.25, "error": 1e-17}
-    assert number(Fraction(10**400)) == {"exact": "1" + "0" * 400, "value": None}
 
 
 def test_json_carries_command_commit_and_versions(tmp_path, monkeypatch):

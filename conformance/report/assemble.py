@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from truemean.conformance.report import curves, images, plans, speed, verdicts
 from truemean.conformance.report.charts import save
 from truemean.conformance.report.document import Cell, Code, Document, Section, Table
-from truemean.conformance.report.provenance import commit, versions
+from truemean.conformance.provenance import commit, versions
 from truemean.conformance.verdict import Report
 from truemean.errors import UnknownName
 
@@ -60,7 +60,7 @@ def figure(name: str, out: Path, **options: Any) -> None:
 
 def build(
     out: Path,
-    subjects: Mapping[str, Any],
+    subjects: Mapping[str, tuple[str, Any]],
     *,
     command: str,
     seed: int,
@@ -69,8 +69,8 @@ def build(
 ) -> dict[str, Any]:
     """Write report.html, report.json and report.md into the directory ``out``; returns what report.json holds.
 
-    ``subjects`` are the estimators to judge by name, ``skipped`` what was not run, with the line that installs
-    it; ``command`` and ``seed`` are how to replay; ``progress(text, fraction)`` is called often.
+    ``subjects`` is what to judge by name: SUBJECT as it is typed, and the estimator; ``skipped`` what was not run,
+    with the line that installs it; ``command`` and ``seed`` are how to replay; ``progress(text, fraction)`` is called often.
     """
     start = time.monotonic()
     tell = _rising(progress or (lambda text, fraction: None))

@@ -9,9 +9,10 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from truemean.conformance.plain import plain
 from truemean.conformance.report.charts import DIVERGING, panels, styled, zero_line
 from truemean.conformance.report.document import Cell, Chart, Section, Table
-from truemean.conformance.report.wording import both, exact, signed
+from truemean.conformance.report.wording import exact, signed
 from truemean.oracle import Pixel, derive
 from truemean.oracle.plans import catalogue
 
@@ -119,8 +120,8 @@ def _table(found: tuple[Curve, ...]) -> Table:
 
 def _json(curve: Curve) -> dict[str, Any]:
     return {
-        "omega_1": both(curve.omega_1),
-        "true_mean": both(1 - curve.omega_1),
-        "bias": [both(value) for value in curve.bias],
-        "percent": [both(100 * value) for value in curve.relative],
+        "omega_1": plain(curve.omega_1),
+        "true_mean": plain(1 - curve.omega_1),
+        "bias": [plain(value) for value in curve.bias],
+        "percent": [plain(100 * value) for value in curve.relative],
     }

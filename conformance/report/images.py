@@ -12,9 +12,10 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from truemean.conformance.plain import plain
 from truemean.conformance.report.charts import DIVERGING, panels, styled
 from truemean.conformance.report.document import Chart, Section
-from truemean.conformance.report.wording import both, counted, decimal, exact, signed
+from truemean.conformance.report.wording import counted, decimal, exact, signed
 from truemean.oracle import Pixel, derive
 from truemean.oracle.plans import catalogue
 from truemean.oracle.scene import Scene, load_scene
@@ -106,9 +107,9 @@ def section(scene: str = "fig5", n: int = 4) -> Section:
         {
             "scene": found.scene.to_dict(),
             "n": n,
-            "largest_unbiased_bias": both(max(map(abs, found.unbiased.values()))),
+            "largest_unbiased_bias": plain(max(map(abs, found.unbiased.values()))),
             "biased_pixels": [
-                {"x": x, "y": y, "true_mean": both(found.true_mean[x, y]), "bias": both(found.biased[x, y])}
+                {"x": x, "y": y, "true_mean": plain(found.true_mean[x, y]), "bias": plain(found.biased[x, y])}
                 for x, y in touched
             ],
         },

@@ -13,9 +13,10 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from truemean.conformance.pixels import standard_pixels
+from truemean.conformance.plain import plain
 from truemean.conformance.report.charts import MARKERS, MUTED, SERIES, panels, styled
 from truemean.conformance.report.document import Cell, Chart, Section, Table
-from truemean.conformance.report.wording import both, decimal, exact, signed
+from truemean.conformance.report.wording import decimal, exact, signed
 from truemean.errors import NeedsScene, RowBudgetExceeded
 from truemean.oracle import Pixel, derive
 from truemean.oracle.plans import catalogue
@@ -61,7 +62,7 @@ class Entry:
         names = {"plan": self.plan, "pixel": self.pixel}
         if self.why:
             return names | {"missing": self.why}
-        numbers = {name: both(getattr(self, name)) for name in ("bias", "variance", "cost", "oracle_calls")}
+        numbers = {name: plain(getattr(self, name)) for name in ("bias", "variance", "cost", "oracle_calls")}
         spread = {"std": math.sqrt(self.variance), "level": self.level, "rows": self.rows}
         return names | numbers | spread
 
@@ -179,7 +180,7 @@ def section() -> Section:
             "table": [entry.json() for row in rows for entry in row],
             "cost_error": {
                 plan: [
-                    {"pilot": n, "bias": both(bias), "variance": both(variance), "cost": both(cost)}
+                    {"pilot": n, "bias": plain(bias), "variance": plain(variance), "cost": plain(cost)}
                     for n, bias, variance, cost, _ in points
                 ]
                 for plan, points in sweep().items()

@@ -1,12 +1,11 @@
-"""Numbers as text and as JSON: a decimal to read, and p/q to compute with."""
+"""Numbers and names as text: a decimal to read, p/q where it is short."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any
 
-__all__ = ["both", "counted", "decimal", "exact", "listed", "signed"]
+__all__ = ["counted", "decimal", "exact", "listed", "signed"]
 
 SHORT = 13
 
@@ -43,15 +42,6 @@ def exact(value: Fraction | None) -> tuple[str, ...]:
         return ()
     text = str(value).replace("-", "−")
     return (text,) if len(text) <= SHORT else ()
-
-
-def both(value: Fraction) -> dict[str, Any]:
-    """An exact number for JSON: ``{"exact": "p/q", "value": float}``.
-
-    >>> both(Fraction(1, 8))
-    {'exact': '1/8', 'value': 0.125}
-    """
-    return {"exact": str(value), "value": float(value)}
 
 
 def counted(number: int, noun: str) -> str:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping
 from importlib import import_module
-from importlib.util import module_from_spec, spec_from_file_location
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
+from types import ModuleType
 
-from truemean.errors import InputError, UnknownName
+from truemean.errors import InputError, PlanError, UnknownName, raised
 from truemean.oracle.plan import Plan, as_plan
 
 __all__ = ["catalogue", "find_plan"]
@@ -49,22 +51,41 @@ catalogue = Catalogue()
 def find_plan(name: str) -> Plan:
     """A plan by catalogue name, ``file.py:function`` or ``module:function``.
 
+    The current directory and the file's own are importable. UnknownName, InputError for what is not there,
+    PlanError with the line for a file or module whose own code fails.
+
     >>> find_plan("fixed").doc
     'The mean of n samples.'
     """
     place, colon, function = name.rpartition(":")
+    if name.endswith(".py"):
+        raise InputError(f"plan={name!r} names a file but no function in it: write {name}:my_plan")
     if not colon:
         return catalogue[name]
     try:
-        if place.endswith(".py"):
-            spec = spec_from_file_location(Path(place).stem, place)
-            assert spec is not None and spec.loader is not None
-            module = module_from_spec(spec)
-            spec.loader.exec_module(module)
-        else:
-            module = import_module(place)
-    except (FileNotFoundError, ModuleNotFoundError) as error:
-        raise InputError(f"plan={name!r}: {error}; write file.py:function or module:function") from None
+        module = _import(place)
+    except (Exception, SystemExit) as error:
+        if isinstance(error, ModuleNotFoundError) and f"{place}.".startswith(f"{error.name}."):
+            raise InputError(f"plan={name!r}: {error}; write file.py:function or module:function") from None
+        raise PlanError(f"plan={name!r} can't be imported: {raised(error)}") from error
     if not hasattr(module, function):
         raise UnknownName(f"plan in {place}", function, [n for n, v in vars(module).items() if callable(v)])
     return as_plan(getattr(module, function))
+
+
+def _import(place: str) -> ModuleType:
+    """The module at a dotted name or a path, with the current directory and the file's own importable."""
+    path = Path(place).resolve()
+    is_file = path.suffix == ".py"
+    for folder in [str(Path.cwd()), *([str(path.parent)] if is_file else [])]:
+        if folder not in sys.path:
+            sys.path.insert(0, folder)
+    if not is_file:
+        return import_module(place)
+    if not path.is_file():
+        raise ModuleNotFoundError(f"there is no file {place!r} in {Path.cwd()}", name=place)
+    module = ModuleType(f"truemean_plan_{path.stem}")
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module
+    SourceFileLoader(module.__name__, module.__file__).exec_module(module)
+    return module

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import sys
-import traceback
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 from truemean.adapters.registry import parse
 from truemean.conformance.pixels import SETS, pixel_by_name, standard_pixels
-from truemean.errors import InputError, PlanError, TruemeanError
+from truemean.errors import InputError
 from truemean.oracle.exact import exact_number, exact_weight
 from truemean.oracle.pixel import Pixel, Value
 from truemean.oracle.plan import Plan
 from truemean.oracle.plans import find_plan
 from truemean.oracle.scene import load_scene, shipped_scenes
 
-__all__ = ["check_destination", "plan_errors", "read_pixel", "read_pixels", "read_plan", "read_range", "told_as"]
+__all__ = ["check_destination", "read_pixel", "read_pixels", "read_plan", "read_range"]
 
 PIXEL_FORMS = "'0:7/8,1:1/8', '(1,0,0):1/2,(0,1,0):1/2', 'standard:thin' or 'scene.json#12,7'"
 
@@ -28,13 +25,13 @@ def read_plan(text: str, settings: Sequence[str] = ()) -> tuple[Plan, dict[str, 
     """The plan that PLAN names and all its parameters, from ``PLAN?name=value`` and from ``--set name=value``.
 
     PLAN is a name of the catalogue, ``FILE.py:FUNCTION`` or ``MODULE:FUNCTION``; the current directory is
-    importable. UnknownName, PlanError or InputError for what can't be read.
+    importable. UnknownName, InputError or PlanError for what can't be read.
 
     >>> plan, params = read_plan("kirk-arvo?eps=1/4", ["n=8"])
     >>> plan.name, params
     ('kirk-arvo', {'n': 8, 'eps': Fraction(1, 4)})
     """
-    plan = _find(text.partition("?")[0].strip())
+    plan = find_plan(text.partition("?")[0].strip())
     params: dict[str, Any] = dict(parse(text)[2])
     for setting in settings:
         name, equals, value = (part.strip() for part in setting.partition("="))
@@ -44,46 +41,6 @@ def read_plan(text: str, settings: Sequence[str] = ()) -> tuple[Plan, dict[str, 
             raise InputError(f"--set {setting!r}: {name} is given twice, give it once")
         params[name] = value
     return plan, plan.bind(params)
-
-
-def _find(name: str) -> Plan:
-    place, _, function = name.rpartition(":")
-    if function.endswith(".py"):
-        raise InputError(f"PLAN {name!r} names a file but no function in it: write {name}:my_plan")
-    folder = str(Path(place).resolve().parent if place.endswith(".py") else Path.cwd())
-    if place and folder not in sys.path:
-        sys.path.insert(0, folder)
-    with told_as(PlanError, f"PLAN {name!r} can't be imported"):
-        return find_plan(name)
-
-
-@contextmanager
-def told_as(kind: type[TruemeanError], what: str) -> Iterator[None]:
-    """Whatever else the reader's own code raises, as a ``kind`` of error that says ``what`` went wrong."""
-    try:
-        yield
-    except TruemeanError:
-        raise
-    except Exception as error:
-        raise kind(f"{what}: {type(error).__name__}: {error}") from error
-
-
-@contextmanager
-def plan_errors(plan: Plan) -> Iterator[None]:
-    """What the reader's own plan raises becomes a PlanError with its line; truemean's own faults pass."""
-    module, code = plan.function.__module__, getattr(plan.function, "__code__", None)
-    file = None if code is None or module.startswith("truemean.") else code.co_filename
-    try:
-        yield
-    except TruemeanError:
-        raise
-    except Exception as error:
-        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
-        if not lines:
-            raise
-        notes = "".join(f"; {note}" for note in getattr(error, "__notes__", ()))
-        raised = f"{type(error).__name__}: {error}"
-        raise PlanError(f"plan {plan.name!r} raised {raised} ({file}, line {lines[-1]}{notes})") from error
 
 
 def read_pixel(text: str) -> Pixel:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from truemean import __version__, options
-from truemean.errors import MissingExtra, SubjectError, UnknownName
+from truemean.errors import MissingExtra, UnknownName
 from truemean.exits import CODES, exit_code, judged_code
 
 if TYPE_CHECKING:
@@ -92,7 +91,8 @@ def derive(
     Its bias, variance and cost are computed, not sampled. The bias is shown path by path: which decisions
     the plan took, how likely that is, and what it adds.
     """
-    from truemean.arguments import check_destination, plan_errors, read_pixel, read_plan
+    from truemean.arguments import check_destination, read_pixel, read_plan
+    from truemean.conformance.declared import plan_errors
     from truemean.oracle import derive as derive_plan
     from truemean.output import working, write_json
     from truemean.tables import derivation_json, print_derivation
@@ -142,21 +142,17 @@ def judge(
     4 BROKEN: the subject crashed, or left its range.
     """
     from truemean.adapters import load
-    from truemean.arguments import check_destination, plan_errors, read_pixels, read_plan, read_range, told_as
+    from truemean.arguments import check_destination, read_pixels, read_plan, read_range
     from truemean.conformance import judge as judge_estimator
     from truemean.output import working
 
-    # Find out what can't be meant before anything runs.
     for option, file in (("--json", json), ("--html", html), ("--markdown", markdown)):
         check_destination(option, file)
     plan = read_plan(declares) if declares else None
     chosen, bounds = read_pixels(pixels or ()), read_range(range_)
-    # Judge, blaming a plan of the reader's own, or the subject, for what they raise.
-    with working("loading") as show, plan_errors(plan[0]) if plan else nullcontext():
-        with told_as(SubjectError, f"SUBJECT {subject!r} can't be loaded"):
-            estimator = load(subject)
+    with working("loading") as show:
         found = judge_estimator(
-            estimator,
+            load(subject),
             tolerance=tolerance,
             pixels=chosen,
             alpha=alpha,
@@ -168,7 +164,6 @@ def judge(
             timeout=timeout,
             progress=lambda pixel, drawn, left: show(f"{pixel}: {drawn} replicates; {left} undecided"),
         )
-    # Tell the verdict under the name that was typed.
     report = replace(found, subject=subject)
     _write_judgement(report, json, html, markdown)
     return judged_code(report.verdict, deviates=report.plan_check == "DEVIATES", interrupted=report.interrupted)
@@ -190,11 +185,16 @@ def _write_judgement(report: Report, json: str | None, html: str | None, markdow
                 write_text(file, render(report))
 
 
-CODE = (
-    "python:truemean.adapters.reference:KirkArvo",
-    "python:truemean.adapters.reference:KirkArvoUnbiased",
-)
-RENDERERS = {"raysect": ("raysect?pixel_samples=4", "raysect?min_samples=4&cutoff=0&ratio=1e9")}
+CODE = {
+    "Fig. 1 in NumPy": "python:truemean.adapters.reference:KirkArvo",
+    "Fig. 2 in NumPy": "python:truemean.adapters.reference:KirkArvoUnbiased",
+}
+RENDERERS = {
+    "raysect": {
+        "raysect, not adaptive": "raysect?pixel_samples=4",
+        "raysect, adaptive (pilot 4)": "raysect?min_samples=4&cutoff=0&ratio=1e9",
+    }
+}
 
 
 @command("report", "truemean report", "truemean report --renderers none --out plans-only")
@@ -229,38 +229,45 @@ def report(
     return 0
 
 
-def _reported_subjects(renderers: str) -> tuple[dict[str, Any], dict[str, str]]:
-    """Estimators by SUBJECT, and which renderers are missing and why; MissingExtra for a missing one asked for."""
+def _reported_subjects(renderers: str) -> tuple[dict[str, tuple[str, Any]], dict[str, str]]:
+    """SUBJECT and estimator by name, and which renderers are missing and why.
+
+    MissingExtra for a missing one that was asked for by its name.
+    """
     from truemean.adapters import load
 
     asked = {"all": list(RENDERERS), "none": []}.get(renderers, renderers.split(","))
-    subjects, skipped = {text: load(text) for text in CODE}, {}
-    for name in asked:
-        if name not in RENDERERS:
-            raise UnknownName("renderer", name, ["all", "none", *RENDERERS])
+    subjects, skipped = {name: (text, load(text)) for name, text in CODE.items()}, {}
+    for renderer in asked:
+        if renderer not in RENDERERS:
+            raise UnknownName("renderer", renderer, ["all", "none", *RENDERERS])
         try:
-            subjects |= {text: load(text) for text in RENDERERS[name]}
+            subjects |= {name: (text, load(text)) for name, text in RENDERERS[renderer].items()}
         except MissingExtra as error:
             if renderers != "all":
                 raise
-            skipped[name] = str(error)
+            skipped[renderer] = str(error)
     return subjects, skipped
 
 
-@command("figure", "truemean figure 3 --out fig3.svg", "truemean figure speed-accuracy --out speed.png")
+@command("figure", "truemean figure 3 --out fig3.svg", "truemean figure 5 --scene tile --n 2 --out fig5.png")
 def figure(
     name: options.FigureName,
     out: options.Picture,
+    most: options.Most = None,
+    scene: options.SceneName = None,
+    n: options.Pilot = None,
 ) -> int:
     """Draw one figure of the report into a file."""
     from truemean.arguments import check_destination
     from truemean.output import working
 
     check_destination("--out", out)
+    given = {"most": most, "scene": scene, "n": n}
     with working(f"drawing figure {name}"):
         from truemean.conformance.report import figure as draw
 
-        draw(name, out)
+        draw(name, out, **{option: value for option, value in given.items() if value is not None})
     return 0
 
 

@@ -23,8 +23,11 @@ Every message names the thing, its value and the way out.
 
 from __future__ import annotations
 
+import sys
+import traceback
 from collections.abc import Iterable
 from difflib import get_close_matches
+from types import FrameType
 
 __all__ = [
     "InputError",
@@ -42,6 +45,7 @@ __all__ = [
     "UndefinedValue",
     "UnknownName",
     "Unsupported",
+    "raised",
 ]
 
 
@@ -112,3 +116,23 @@ class SubjectError(TruemeanError):
 
 class Unsupported(TruemeanError):
     """Raised by an estimator for a pixel that it can't render; the case is skipped, not failed."""
+
+
+def raised(error: BaseException) -> str:
+    """What a reader's own code raised, and where: the innermost line of it that is no library's.
+
+    >>> raised(ZeroDivisionError("division by zero"))
+    'ZeroDivisionError: division by zero'
+    """
+    lines = [
+        f" ({frame.f_code.co_filename}, line {line})"
+        for frame, line in traceback.walk_tb(error.__traceback__)
+        if not _is_library(frame)
+    ]
+    notes = "".join(f"; {note}" for note in getattr(error, "__notes__", ()))
+    return f"{type(error).__name__}: {error}{''.join(lines[-1:])}{notes}"
+
+
+def _is_library(frame: FrameType) -> bool:
+    package = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+    return package in {"truemean", *sys.stdlib_module_names} or "site-packages" in frame.f_code.co_filename

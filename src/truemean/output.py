@@ -26,8 +26,6 @@ __all__ = [
     "command_line",
     "console",
     "decimal",
-    "exact",
-    "number",
     "replaced",
     "shortened",
     "working",
@@ -63,26 +61,15 @@ def working(text: str) -> Iterator[Callable[[str], None]]:
 # -- numbers --------------------------------------------------------------------------------------
 
 
-def exact(value: Fraction) -> str:
-    """``p/q`` in full, however long (Python's own conversion stops at 4300 digits).
-
-    >>> len(exact(Fraction(10**5000, 3)))
-    5003
-    """
-    return _ratio(value, lambda integer: str(fmpz(integer)))
-
-
-def shortened(value: Fraction) -> str:
+def shortened(value: int | Fraction) -> str:
     """``p/q`` with the first and last digits of long integers, for people.
 
     >>> shortened(Fraction(-1197, 16384)), shortened(Fraction(10**30 + 1, 3))
     ('-1197/16384', '10000000{...15 digits...}00000001/3')
     """
 
-    def short(integer: int) -> str:
-        return str(integer) if abs(integer) < 10**DIGITS else str(fmpz(integer).str(condense=DIGITS // 3))
-
-    return _ratio(value, short)
+    numerator, denominator = value.as_integer_ratio()
+    return _short(numerator) + (f"/{_short(denominator)}" if denominator != 1 else "")
 
 
 def decimal(value: Any, digits: int = 10) -> str:
@@ -99,28 +86,8 @@ def decimal(value: Any, digits: int = 10) -> str:
     return f"{float(value):.{digits}g}"
 
 
-def number(value: Any) -> Any:
-    """A result for JSON: ``{"exact": "p/q", "value": float}`` or ``{"value": ..., "error": ...}``; a list by channel.
-
-    >>> number(Fraction(1, 8))
-    {'exact': '1/8', 'value': 0.125}
-    """
-    match value:
-        case tuple():
-            return [number(part) for part in value]
-        case Fraction():
-            return {"exact": exact(value), "value": _float(value)}
-        case Approx():
-            return {"value": float(value.value), "error": float(value.error)}
-        case float() if not math.isfinite(value):
-            return None
-        case _:
-            return value
-
-
-def _ratio(value: Fraction, text: Callable[[int], str]) -> str:
-    numerator, denominator = value.as_integer_ratio()
-    return text(numerator) + (f"/{text(denominator)}" if denominator != 1 else "")
+def _short(integer: int) -> str:
+    return str(integer) if abs(integer) < 10**DIGITS else str(fmpz(integer).str(condense=DIGITS // 3))
 
 
 def _float(value: Fraction) -> float | None:
@@ -140,7 +107,7 @@ def command_line() -> str:
 
 def write_json(file: str, data: Mapping[str, Any]) -> None:
     """``data`` with command, commit and versions; ``-`` is standard output."""
-    from truemean.conformance.report.provenance import commit, versions
+    from truemean.conformance.provenance import commit, versions
 
     made = {"command": command_line(), "commit": commit(), "versions": {**data.get("versions", {}), **versions()}}
     write_text(file, json.dumps({**data, **made}, indent=1, ensure_ascii=False, allow_nan=False) + "\n")

@@ -14,13 +14,14 @@ from rich.text import Text
 
 from truemean.adapters import Available
 from truemean.conformance.pixels import SETS
+from truemean.conformance.plain import plain
 from truemean.conformance.verdict import Case, PlanCheck, Report, Verdict
 from truemean.oracle.derivation import Derivation, DerivedPath
 from truemean.oracle.pixel import Pixel, Value
 from truemean.oracle.plan import Plan
-from truemean.oracle.rings import Approx
+from truemean.oracle import Approx
 from truemean.oracle.scene import load_scene, shipped_scenes
-from truemean.output import console, decimal, number, shortened
+from truemean.output import console, decimal, shortened
 
 __all__ = [
     "RESULTS",
@@ -51,7 +52,10 @@ def call(plan: Plan, params: Mapping[str, Any] | None = None) -> str:
     """The plan with its parameters, or with their defaults, written as for --set."""
     if params is None:
         params = {n: "..." if p.default is p.empty else p.default for n, p in plan.signature.parameters.items()}
-    return f"{plan.name}({', '.join(f'{name}={value}' for name, value in params.items())})"
+    written = (
+        f"{name}={shortened(value) if isinstance(value, int | Fraction) else value}" for name, value in params.items()
+    )
+    return f"{plan.name}({', '.join(written)})"
 
 
 # -- a derivation ---------------------------------------------------------------------------------
@@ -69,25 +73,24 @@ def results(derivation: Derivation) -> dict[str, Any]:
 
 
 def derivation_json(derivation: Derivation, params: Mapping[str, Any], arithmetic: str) -> dict[str, Any]:
-    """A derivation for ``json.dumps``, exact numbers as ``"p/q"`` beside their floats."""
+    """A derivation for ``json.dumps``, as `plain` writes it."""
     plan, X = derivation.plan, derivation.pixel
-    given = {name: number(value) for name, value in params.items()}
-    known = {"name": plan.name, "source": plan.source, "unbiased": plan.unbiased, "why": plan.why, "params": given}
-    pixel = {"values": number(X.values), "weights": number(X.weights), "true_mean": number(X.mean)}
     paths = [
-        {"decisions": path.decisions, "probability": number(path.probability), "bias": number(path.bias)}
-        for path in derivation.paths
+        {"decisions": path.decisions, "probability": path.probability, "bias": path.bias} for path in derivation.paths
     ]
-    return {
-        "schema": "truemean-derive/1",
-        "plan": known,
-        "pixel": pixel,
-        "arithmetic": arithmetic,
-        **{name: number(value) for name, value in results(derivation).items()},
-        "paths": paths,
-        "level": {sample: str(level) for sample, level in derivation.level.items()},
-        "rows": derivation.rows,
-    }
+    data: dict[str, Any] = plain(
+        {
+            "schema": "truemean-derive/1",
+            "plan": {name: getattr(plan, name) for name in ("name", "source", "unbiased", "why")} | {"params": params},
+            "pixel": {"values": X.values, "weights": X.weights, "true_mean": X.mean},
+            "arithmetic": arithmetic,
+            **results(derivation),
+            "paths": paths,
+            "level": {sample: str(level) for sample, level in derivation.level.items()},
+            "rows": derivation.rows,
+        }
+    )
+    return data
 
 
 def print_derivation(derivation: Derivation, params: Mapping[str, Any]) -> None:
@@ -233,7 +236,7 @@ def print_adapters(adapters: Iterable[Available]) -> None:
 
 
 def _law(X: Pixel) -> str:
-    return ", ".join(f"{_inline(value)}:{weight}".replace(" ", "") for value, weight in X.law.items())
+    return ", ".join(f"{_inline(value)}:{shortened(weight)}".replace(" ", "") for value, weight in X.law.items())
 
 
 def _show(what: str | Text | Table) -> None:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from truemean.conformance import PlanCheck, Verdict, judge, standard_pixels
-from truemean.errors import InputError, InputTypeError, TruemeanError, UnknownName, Unsupported
+from truemean.errors import InputError, InputTypeError, PlanError, SubjectError, TruemeanError, UnknownName, Unsupported
 from truemean.oracle.pixel import Pixel
+from truemean.oracle.plans import find_plan
 
 EIGHTH = {"eighth": Pixel.two("1/8")}
 COLOUR = {"colour": Pixel({(1, 0, 0): "1/2", (0, 1, 0): "1/4", (0, 0, 1): "1/4"})}
@@ -453,6 +454,48 @@ def test_progress_is_told_after_each_look():
     assert told[-1][2] == 0
 
 
+class Failing:
+    """Draws like `fixed`; what it says of itself under one name crashes."""
+
+    def __init__(self, name, after=0):
+        self.failing, self.left = name, after
+
+    def run(self, pixel, seeds):
+        return fixed(pixel, seeds)
+
+    def __getattr__(self, name):
+        if name != self.__dict__["failing"]:
+            raise AttributeError(name)
+        self.left -= 1
+        if self.left < 0:
+            raise LookupError("no such thing")
+        return lambda *arguments: np.zeros(1)
+
+
+@pytest.mark.parametrize("name", ["pixels", "declares", "versions", "seed_bits", "name", "run_many"])
+def test_a_subject_that_crashes_when_asked_about_itself_is_to_blame(name):
+    with pytest.raises(SubjectError, match=f"{name} crashed with LookupError: no such thing .*test_judge.py, line"):
+        judge(Failing(name), tolerance="1%")
+
+
+def test_pixels_that_crash_are_the_subjects_fault():
+    subject = Together(lambda pixel, seeds: fixed(pixel, seeds))
+    subject.pixels = lambda: 1 / 0
+    with pytest.raises(SubjectError, match=r"pixels\(\) crashed with ZeroDivisionError"):
+        judge(subject, tolerance="1%")
+
+
+@pytest.mark.parametrize("name", ["range", "rounding", "costs"])
+def test_a_crash_on_a_pixel_is_its_verdict(name):
+    case = only(judge(Failing(name), pixels=EIGHTH, tolerance="1%"))
+    assert (case.verdict, f"{name} crashed with LookupError" in case.reason) == (Verdict.BROKEN, True)
+
+
+def test_the_evidence_before_costs_crash_is_kept():
+    case = only(judge(Failing("costs", after=3), pixels=EIGHTH, tolerance="1%"))
+    assert (case.verdict, case.replicates) == (Verdict.BROKEN, 16 + 16 * 0.1 // 1 + 1 + 2)
+
+
 # -- the report -----------------------------------------------------------------------------------
 
 
@@ -464,11 +507,11 @@ def test_the_report_is_plain_json():
     assert {"python", "numpy", "truemean"} <= set(back["versions"])
     assert (back["seed"], back["arguments"]["tolerance"], back["verdict"]) == (11, "0.5%", "BROKEN")
     first = back["cases"][0]
-    assert (first["true_mean"], first["true_mean_exact"]) == (0.125, "1/8")
-    assert first["range_exact"] == ["-1/3", "2"]
+    assert first["true_mean"] == {"exact": "1/8", "value": 0.125}
+    assert [end["exact"] for end in first["range"]] == ["-1/3", "2"]
     assert first["bias_interval"] == list(report.cases[0].bias_interval)
     exact = judge(fixed, pixels=EIGHTH, tolerance=Fraction(1, 3)).to_json()
-    assert exact["arguments"]["tolerance_exact"] == "1/3"
+    assert exact["arguments"]["tolerance"] == {"exact": "1/3", "value": 1 / 3}
 
 
 @pytest.mark.parametrize(
@@ -537,6 +580,23 @@ def test_a_declared_law_decides_sooner():
 def test_colours_follow_by_channel():
     report = judge(fixed, pixels=COLOUR, tolerance="3%", declares=("fixed", {"n": 8}))
     assert [case.plan_check for case in report.cases] == [PlanCheck.FOLLOWS] * 3
+
+
+def test_a_plan_of_a_readers_own_is_found_by_file_and_named_by_its_function(tmp_path):
+    (tmp_path / "plans_of_judge.py").write_text("def three_draws(X, n=3):\n    return X.draw(n).mean()\n")
+    place = f"{tmp_path}/plans_of_judge.py:three_draws"
+    report = judge(fixed, pixels=EIGHTH, tolerance="1%", declares=(place, {"n": 7}))
+    assert (report.plan_check, report.arguments["declares"]["plan"]) == (PlanCheck.DEVIATES, place)
+    report = judge(fixed, pixels=EIGHTH, tolerance="1%", declares=(find_plan(place), {"n": 8}))
+    assert (report.plan_check, report.arguments["declares"]["plan"]) == (PlanCheck.FOLLOWS, "three-draws")
+
+
+def test_a_declared_plan_that_raises_is_wrong_use():
+    def divides(X, n=8):
+        return X.draw(n).mean() / (n - 8)
+
+    with pytest.raises(PlanError, match=r"plan 'divides' raised ZeroDivisionError.*test_judge.py, line"):
+        judge(fixed, pixels=EIGHTH, tolerance="1%", declares=divides)
 
 
 def test_an_unknown_plan_is_named():

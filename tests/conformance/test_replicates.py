@@ -96,6 +96,13 @@ def test_what_it_may_not(answer, reason):
         run(subject(answer), [None], None, SEEDS)
 
 
+def test_a_sampler_of_scalars_is_told_what_to_do_with_colours():
+    with pytest.raises(SubjectError, match=r"expected \(4, 3\): return \[seeds, channels\], e\.g\. values\.mean"):
+        run(subject(np.zeros(4)), [None], 3, SEEDS)
+    with pytest.raises(SubjectError, match=r"expected \(4, 3\)$"):
+        run(subject(np.zeros(5)), [None], 3, SEEDS)
+
+
 @pytest.mark.parametrize("error", [Unsupported("no colours"), NeedsScene("needs a scene")])
 def test_declining_is_not_breaking(error):
     with pytest.raises(Unsupported, match=str(error)):

@@ -100,6 +100,21 @@ def grown_by_a_random_number(X):
 
 
 @table(SCALAR)
+def grown_by_its_own_mean_and_never_looked_at_again(X):
+    S = X.draw(2)
+    S.more(np.where(S.mean() > 0, 1, 0))
+    return S.mean()
+
+
+@table(SCALAR)
+def sizes_another_sample_then_grows_unseen(X):
+    S = X.draw(2)
+    T = X.draw(np.where(S.all_equal(), 2, 1))
+    S.more(1)
+    return T.mean() + S.mean()
+
+
+@table(SCALAR)
 def sequential(X, eps=Fraction(2, 5)):
     S = X.draw(2)
     while S.std_error() > eps and S.size < 5:

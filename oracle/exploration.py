@@ -1,0 +1,110 @@
+"""All paths of a plan: run, put off, replayed, until none is left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from truemean.errors import RowBudgetExceeded
+from truemean.oracle.features import Level
+from truemean.oracle.law import Law, SubLaw
+from truemean.oracle.observing import Observer, Replay
+from truemean.oracle.paths import Path, Pending, Point
+from truemean.oracle.pixel import Pixel
+from truemean.oracle.rows import Rows
+from truemean.oracle.tables import Table, power, rows_of
+
+__all__ = ["Exploration"]
+
+_VERIFIED_DECISIONS = 20_000
+
+
+class Exploration:
+    """All paths of a plan on a pixel, and the needs that they have noted."""
+
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        pixel: Pixel,
+        params: dict[str, Any],
+        budget: int,
+        lenient: bool,
+        parent: Exploration | None = None,
+        weightless: bool = False,
+    ) -> None:
+        self.function, self.pixel, self.params = function, pixel, params
+        self.budget, self.lenient, self.weightless = budget, lenient, weightless
+        self.laws: dict[Any, Law] = parent.laws if parent else {}
+        self.pixels: dict[int, tuple[Pixel, Law]] = parent.pixels if parent else {}
+        self.tables: dict[Any, Any] = parent.tables if parent else {}
+        self.subplans: dict[Any, SubLaw] = parent.subplans if parent else {}
+        self.observer = Observer(self.tables, self.check_budget, lenient)
+        self.root = Point(())
+        self.start = Rows()
+        self._paths: list[Path] | None = None
+
+    @property
+    def paths(self) -> list[Path]:
+        """Every path, depth first, the answer "yes" before "no"."""
+        if self._paths is None:
+            self._paths = self._explore()
+        return self._paths
+
+    def prepared(self, prepare: Callable[[Path], Any]) -> list[Any]:
+        """What ``prepare`` makes of every path; a need that it notes sends all paths round again."""
+        while True:
+            try:
+                return [prepare(path) for path in self.paths]
+            except Replay:
+                self._paths = None
+
+    def _explore(self) -> list[Path]:
+        pending = [Pending((), self.start)]
+        finished: list[Path] = []
+        replayed = 0
+        while pending:
+            task = pending.pop()
+            path = Path(self, task)
+            try:
+                path.run()
+            except Replay as need:
+                below = need.label[0].prefix
+                pending = [p if p.prefix[: len(below)] != below else Pending(p.prefix, None) for p in pending]
+                pending.append(Pending(task.prefix, None))
+                continue
+            if replayed < _VERIFIED_DECISIONS:
+                path.verify()
+                replayed += len(path.taken)
+            finished.append(path)
+            pending += path.forks
+        return finished
+
+    # -- what paths share --------------------------------------------------------------------
+
+    def table(self, law: Law, n: int, wanted: Level, asked: str) -> Table:
+        """A table, made once; RowBudgetExceeded if it would have too many rows."""
+        key = (law, n, wanted)
+        if key not in self.tables:
+            self.check_budget(rows_of(law, n, wanted), f"{asked} at level {wanted} of {n} draws of {law.k} values")
+            self.tables[key] = power(law, n, wanted)
+        found: Table = self.tables[key]
+        return found
+
+    def check_budget(self, rows: int, asked: str) -> None:
+        """Complain before memory runs out."""
+        if rows > self.budget:
+            raise RowBudgetExceeded(
+                f"{asked} needs {rows:,} rows, more than rows={self.budget:,}: decide on a coarser statistic, draw less, "
+                f"give a larger rows=, or use rows='sampled' for an interval"
+            )
+
+    def law_of(self, pixel: Pixel) -> Law:
+        """The law of a pixel; equal pixels share it."""
+        known = self.pixels.get(id(pixel))
+        if known is None:
+            key = (pixel.values, pixel.weights)
+            if key not in self.laws:
+                self.laws[key] = Law([v if isinstance(v, tuple) else (v,) for v in pixel.values], pixel.weights)
+                self.laws[key].open = self.weightless
+            known = self.pixels[id(pixel)] = (pixel, self.laws[key])
+        return known[1]
