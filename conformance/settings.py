@@ -143,9 +143,13 @@ def read_pixels(subject: Any, pixels: Any) -> list[Chosen]:
 
 
 def _exact(name: str, given: Any) -> Pixel:
-    if isinstance(given, Pixel):
-        return given
     try:
-        return Pixel(dict(zip(given.values, given.weights, strict=True)))
+        pixel = given if isinstance(given, Pixel) else Pixel(dict(zip(given.values, given.weights, strict=True)))
+        pixel.arrays()
+    except OverflowError:
+        raise InputError(
+            f"pixels[{name!r}] has a value beyond the floats that an estimator returns: scale it"
+        ) from None
     except (AttributeError, TypeError) as why:
         raise InputTypeError(f"pixels[{name!r}]={given!r} (type={type(given).__name__}) is no Pixel: {why}") from why
+    return pixel

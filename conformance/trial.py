@@ -158,6 +158,8 @@ class Trial:
     def _reasons(self, ended: str, interval: tuple[float, float], predicted: int | None) -> Iterator[str]:
         if self.verdict:
             yield self.reason
+        elif not self.outcomes.total:
+            yield f"{ended} before a replicate was drawn"
         else:
             yield f"{ended}, E[ξ] - I lies in [{interval[0]:.4g}, {interval[1]:.4g}]"
             yield f"the smallest tolerance certifiable is {max(-interval[0], interval[1]):.4g}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -12,7 +12,7 @@ import numpy as np
 
 from truemean.errors import InputError, InputTypeError, UnknownName
 from truemean.oracle.batch import Batch
-from truemean.oracle.distribution import joined_law
+from truemean.oracle.distribution import joined_law, observed
 from truemean.oracle.evaluate import check_closed
 from truemean.oracle.exploration import Exploration
 from truemean.oracle.features import Level
@@ -20,6 +20,7 @@ from truemean.oracle.float64 import Approx, Float64, rounded
 from truemean.oracle.forms import prepare
 from truemean.oracle.law import Law, SubLaw
 from truemean.oracle.moments import Form
+from truemean.oracle.observing import Replay
 from truemean.oracle.paths import Path
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.plan import Plan, as_plan
@@ -50,7 +51,6 @@ class Derivation:
     def __init__(self, plan: Plan, pixel: Pixel, ring: Ring, exploration: Exploration, rtol: float | None) -> None:
         self.plan, self.pixel = plan, pixel
         self._ring, self._exploration, self._rtol = ring, exploration, rtol
-        self._kept: tuple[list[Path], list[list[Form]]] = ([], [])
 
     # -- results -----------------------------------------------------------------------------
 
@@ -77,7 +77,7 @@ class Derivation:
     @cached_property
     def mse(self) -> Any:
         """E[(xi - I)^2]."""
-        forms = self._prepared(order=2)
+        forms = self._by_channel(self._beyond(self._forms_of(2)))
         return self._result("mse", [self._total([f.moments(self._ring, 2)[2] for f in fs], fs) for fs in forms])
 
     @cached_property
@@ -89,7 +89,7 @@ class Derivation:
     @cached_property
     def cost(self) -> Any:
         """E[number of samples drawn], those of sub-estimates included."""
-        forms = self._exploration.prepared(lambda p: prepare(p, p.cost, None, 1))
+        forms = self._beyond(lambda p: prepare(p, p.cost, None, 1))
         return self._held("cost", self._total([f.mean(self._ring) for f in forms], forms))
 
     @cached_property
@@ -106,7 +106,7 @@ class Derivation:
         Fraction(1, 2)
         """
         check_closed(self._law, "its whole law")
-        return joined_law(self._exploration, self._ring, self.pixel.channels is not None)
+        return joined_law(self._beyond(observed), self._ring, self._exploration.lenient, self._colour)
 
     @cached_property
     def paths(self) -> tuple[DerivedPath, ...]:
@@ -175,23 +175,32 @@ class Derivation:
     def _truths(self) -> list[Any]:
         return [self._finished(self._ring.mean(self._law, c)) for c in range(self._law.channels)]
 
-    @property
+    @cached_property
     def _forms(self) -> list[list[Form]]:
-        """The forms of the bias by channel and path; made anew when a finer need has sent the paths round again."""
-        if self._kept[0] is not self._exploration.paths:
-            forms = self._prepared(order=1)
-            self._kept = (self._exploration.paths, forms)
-        return self._kept[1]
+        """The forms of the bias by channel and path."""
+        return self._by_channel(self._exploration.prepared(self._forms_of(1)))
 
-    def _prepared(self, order: int) -> list[list[Form]]:
-        """Forms by channel and path, good for moments up to an order."""
+    def _forms_of(self, order: int) -> Callable[[Path], list[Form]]:
+        """What makes the forms of a path by channel, good for moments up to an order."""
+        truths = [(self._law, channel) for channel in range(self._law.channels)]
         approximate = not isinstance(self._ring, Exact)
+        return lambda path: [prepare(path, path.result[t[1]], t, order, approximate) for t in truths]
 
-        def forms(path: Path) -> list[Form]:
-            truths = [(self._law, channel) for channel in range(self._law.channels)]
-            return [prepare(path, path.result[t[1]], t, order, approximate) for t in truths]
+    def _by_channel(self, by_path: list[list[Form]]) -> list[list[Form]]:
+        return [list(forms) for forms in zip(*by_path, strict=True)]
 
-        return [list(by_path) for by_path in zip(*self._exploration.prepared(forms), strict=True)]
+    def _beyond(self, prepare_path: Callable[[Path], Any]) -> list[Any]:
+        """What the bias did not need: on its own paths if these were seen finely enough, else on new ones."""
+        _ = self._forms
+        try:
+            return [prepare_path(path) for path in self._exploration.paths]
+        except Replay:
+            return self._finer.prepared(prepare_path)
+
+    @cached_property
+    def _finer(self) -> Exploration:
+        e = self._exploration
+        return Exploration(e.function, e.pixel, e.params, e.budget, e.lenient, parent=e, weightless=e.weightless)
 
     def _total(self, terms: list[Any], forms: list[Form]) -> Any:
         total = self._ring.number(Fraction(0))

@@ -8,29 +8,29 @@ from typing import Any
 
 from truemean.oracle.columns import Column, grouping, integers
 from truemean.oracle.evaluate import Evaluator, leaves
-from truemean.oracle.exploration import Exploration
 from truemean.oracle.linear import linear, per_draw
 from truemean.oracle.paths import Path
 from truemean.oracle.quantity import Quantity, constant
 from truemean.oracle.rings import Ring
 from truemean.oracle.rows import Block, Rows, product
 
-__all__ = ["joined_law"]
+__all__ = ["joined_law", "observed"]
 
 Key = tuple[int, ...]
+Observed = tuple[Rows, list[list[Quantity]]]
 
 
-def joined_law(exploration: Exploration, ring: Ring, colour: bool) -> dict[Any, Any]:
+def joined_law(by_path: list[Observed], ring: Ring, lenient: bool, colour: bool) -> dict[Any, Any]:
     """``{value of xi: probability}`` over all paths, ascending."""
     law: dict[Any, Any] = {}
-    for rows, values in exploration.prepared(_observed):
-        for value, probability in _path_law(rows, values, ring, exploration.lenient).items():
+    for rows, values in by_path:
+        for value, probability in _path_law(rows, values, ring, lenient).items():
             key = value if colour else value[0]
             law[key] = law[key] + probability if key in law else probability
     return dict(sorted(law.items()))
 
 
-def _observed(path: Path) -> tuple[Rows, list[list[Quantity]]]:
+def observed(path: Path) -> Observed:
     """Everything that the estimate is made of, observed: additive terms may stay in separate blocks."""
     rows, by_channel = path.rows, []
     for estimate in path.result:

@@ -85,7 +85,7 @@ class Exploration:
         """A table, made once; RowBudgetExceeded if it would have too many rows."""
         key = (law, n, wanted)
         if key not in self.tables:
-            self.check_budget(rows_of(law, n, wanted), f"{asked} at level {wanted} of {n} draws of {law.k} values")
+            self.check_budget(rows_of(law, n, wanted), f"{asked}: {n} draws of {law.k} values at level {wanted}")
             self.tables[key] = power(law, n, wanted)
         found: Table = self.tables[key]
         return found

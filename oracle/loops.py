@@ -159,7 +159,7 @@ def sized_segment(sample: Sample, part: int) -> Segment:
     return Segment(size, _no_tables)
 
 
-def _no_tables(size: int, wanted: Level) -> NoReturn:
+def _no_tables(size: int, wanted: Level, asked: str) -> NoReturn:
     raise AssertionError("a loop brings its own tables")
 
 

@@ -48,6 +48,7 @@ class Observer:
     def require(self, rows: Rows, asked: Sequence[Node], why: Node | None = None) -> tuple[Rows, Block]:
         """Observe what statistics ask for, and bring their samples into one block."""
         self.keep_versions(rows, asked)
+        why = asked[0] if why is None and asked else why
         wanted: dict[Any, tuple[Sample, set[str], list[Span]]] = {}
         for leaf in asked:
             sample = leaf.args[0]
@@ -125,7 +126,11 @@ class Observer:
 
     def _attach(self, rows: Rows, sample: Sample, first: int, last: int, why: Node | None) -> Rows:
         """Bring segments of a sample into the rows, as a table of their total size."""
-        size, tables, wanted = sample.size_of(first, last), sample.segments[first].tables, self.level_of(sample)
+        size, wanted = sample.size_of(first, last), self.level_of(sample)
+
+        def tables(n: int, wanted: Level) -> Table:
+            return sample.segments[first].tables(n, wanted, sample.name if why is None else text(why))
+
         if sample.chances is not None:
             return self._attach_choice(rows, sample, tables(1, wanted))
         if isinstance(size, int):

@@ -202,9 +202,8 @@ class Path:
 
     def segment(self, law: Law, n: Any, least: int) -> Segment:
         """Some draws: their number checked, or a quantity kept for later."""
-        asked = f"a draw of {law.name}"
 
-        def tables(size: int, wanted: Level) -> Table:
+        def tables(size: int, wanted: Level, asked: str) -> Table:
             return self.exploration.table(law, size, wanted, asked)
 
         return Segment(_size(n, least), tables)

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from truemean.errors import InputError, InputTypeError, NeedsScene
+from truemean.errors import InputError, InputTypeError, NeedsScene, PlanError
 from truemean.oracle.exact import exact_fraction, exact_number, exact_weight
 
 __all__ = ["Geometry", "Pixel", "Value"]
@@ -161,6 +161,10 @@ class Pixel:
     def at(self, x: Any, y: Any) -> Value:
         """The value seen at a position of the pixel, ``x`` and ``y`` in [0, 1), ``y`` downwards."""
         return self._placed("at()").at(exact_number(x, "x"), exact_number(y, "y"))
+
+    def draw(self, n: Any) -> Any:
+        """Only plans draw, while they are derived or simulated: PlanError."""
+        raise PlanError(f"X.draw({n!r}) outside a derivation: call derive(plan, X) or simulate(plan, X)")
 
     def __repr__(self) -> str:
         law = ", ".join(f"{_text(value)}: {weight}" for value, weight in self.law.items())

@@ -31,10 +31,10 @@ Size = int | Quantity
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """Some draws made at once: their number, and who makes their table (``tables(size, level)``)."""
+    """Some draws made at once: their number, and who makes their table (``tables(size, level, asked by)``)."""
 
     size: Size
-    tables: Callable[[int, Level], Table]
+    tables: Callable[[int, Level, str], Table]
 
 
 class Sample:

@@ -100,8 +100,18 @@ def test_a_plan_imports_its_neighbours_from_any_directory(folder, monkeypatch):
         ("no_such_file.py:f", [], InputError, "no_such_file.py"),
         ("no_such_module:f", [], InputError, "no_such_module"),
         ("not_python.py:f", [], PlanError, r"'not_python.py:f' can't be imported: SyntaxError.*line 1"),
-        ("crashes.py:f", [], PlanError, r"can't be imported: ZeroDivisionError: division by zero \(.*crashes.py, line 1\)"),
-        ("crashes:f", [], PlanError, r"can't be imported: ZeroDivisionError: division by zero \(.*crashes.py, line 1\)"),
+        (
+            "crashes.py:f",
+            [],
+            PlanError,
+            r"can't be imported: ZeroDivisionError: division by zero \(.*crashes.py, line 1\)",
+        ),
+        (
+            "crashes:f",
+            [],
+            PlanError,
+            r"can't be imported: ZeroDivisionError: division by zero \(.*crashes.py, line 1\)",
+        ),
         ("exits.py:f", [], PlanError, r"can't be imported: SystemExit: 1 \(.*exits.py, line 1\)"),
         ("needs.py:f", [], PlanError, r"No module named 'no_such_library' \(.*needs.py, line 1\)"),
     ],
@@ -114,7 +124,7 @@ def test_a_plan_that_cannot_be_read(text, settings, kind, message, folder):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("divides", r"plan 'divides' raised ZeroDivisionError.*plans_of_a_reader.py, line 14; .*range\(S1\) > 0"),
+        ("divides", r"plan 'divides' raised ZeroDivisionError.*plans_of_a_reader.py, line 14\); .*range\(S1\) > 0"),
         ("looks_too_far", r"plan 'looks-too-far' raised IndexError.*plans_of_a_reader.py, line 17"),
     ],
 )

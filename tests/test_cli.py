@@ -151,7 +151,7 @@ def built(monkeypatch):
 
     def build(out, subjects, *, command, seed, skipped, progress):
         progress("half way", 0.5)
-        asked.update(subjects=list(subjects), seed=seed, skipped=dict(skipped))
+        asked.update(subjects={name: text for name, (text, _) in subjects.items()}, seed=seed, skipped=dict(skipped))
         (out / "report.json").write_text("{}")
         return {"headline": "one sentence"}
 
@@ -165,7 +165,10 @@ def test_report_hands_in_plans_as_code_and_replaces_its_directory(folder, built)
     assert (code, out.splitlines()[0]) == (0, "one sentence")
     assert [file.name for file in (folder / "new").iterdir()] == ["report.json"]
     assert built["seed"] == 3
-    assert [name.rpartition(":")[2] for name in built["subjects"]] == ["KirkArvo", "KirkArvoUnbiased"]
+    assert built["subjects"] == {
+        "Fig. 1 in NumPy": "python:truemean.adapters.reference:KirkArvo",
+        "Fig. 2 in NumPy": "python:truemean.adapters.reference:KirkArvoUnbiased",
+    }
 
 
 def test_report_says_how_to_get_a_missing_renderer(folder, built, monkeypatch):
@@ -195,6 +198,13 @@ def test_figure_draws_into_a_file(folder):
     assert "<svg" in (folder / "three.svg").read_text(encoding="utf-8")
 
 
+def test_figure_takes_the_options_of_each_figure(folder):
+    assert call("figure", "3", "--most", "8", "--out", "three.svg")[0] == 0
+    assert ">12<" not in re.sub(r"\s", "", (folder / "three.svg").read_text(encoding="utf-8"))
+    assert call("figure", "5", "--scene", "tile", "--n", "2", "--out", "five.svg")[0] == 0
+    assert "n = 2" in (folder / "five.svg").read_text(encoding="utf-8")
+
+
 def test_list_tells_all_there_is():
     plans, pixels, adapters = (call("list", what) for what in ("plans", "pixels", "adapters"))
     assert (plans[0], pixels[0], adapters[0]) == (0, 0, 0)
@@ -220,7 +230,11 @@ def test_list_tells_all_there_is():
         (["derive", "fixed", *PIXEL, "--arithmetic", "flaot64"], 2, "did you mean float64"),
         (["derive", "sequential", *PIXEL, "--rows", "3"], 2, "more than rows=3"),
         (["derive", "fixed", *PIXEL, "--json", "no/where.json"], 2, "--json 'no/where.json'"),
-        (["derive", "fixed", "--pixel", "0:1/2"], 2, "pixel '0:1/2': weights 1/2 sum to 1/2, not to 1: add the missing 1/2"),
+        (
+            ["derive", "fixed", "--pixel", "0:1/2"],
+            2,
+            "pixel '0:1/2': weights 1/2 sum to 1/2, not to 1: add the missing 1/2",
+        ),
         (["judge", "pyton:a:b", "--tolerance", "1%"], 2, "did you mean python"),
         (["judge", "python:subjects_of_cli.py:noise", "--tolerance", "1%"], 2, "did you mean noisy"),
         (
@@ -235,6 +249,8 @@ def test_list_tells_all_there_is():
         (["report", "--renderers", "raysekt"], 2, "did you mean raysect"),
         (["figure", "6", "--out", "x.svg"], 2, "no figure is called '6'"),
         (["figure", "3", "--out", "x.txt"], 2, "x.txt"),
+        (["figure", "3", "--scene", "tile", "--out", "x.svg"], 2, "no option of figure 3 is called 'scene'"),
+        (["figure", "5", "--scene", "tilo", "--out", "x.svg"], 2, "did you mean tile"),
         (["list", "plan"], 2, "did you mean plans"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else None,

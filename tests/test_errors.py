@@ -6,6 +6,7 @@ import pickle
 import re
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 
 from truemean import errors
@@ -58,7 +59,7 @@ def test_the_drawn_tree_is_the_tree():
 
 
 def test_all_errors_are_exported():
-    assert sorted(CLASSES) == errors.__all__
+    assert [*sorted(CLASSES), "raised"] == errors.__all__
 
 
 @pytest.mark.parametrize("cls", CLASSES.values(), ids=CLASSES)
@@ -90,3 +91,12 @@ def test_an_error_says_what_it_is_in_one_sentence(cls):
 )
 def test_an_unknown_name_meets_the_nearest_ones(name, known, message):
     assert str(errors.UnknownName("plan", name, known)) == message
+
+
+def test_what_a_readers_code_raised_is_told_with_its_own_line():
+    try:
+        np.broadcast_to(np.zeros(2), 3)
+    except ValueError as error:
+        error.add_note("on the first look")
+        told = errors.raised(error)
+    assert re.fullmatch(r"ValueError: .*\(.*test_errors.py, line \d+\); on the first look", told)

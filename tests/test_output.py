@@ -1,7 +1,6 @@
 """What the command line writes: numbers of any length for people, files, and directories that are replaced as a whole."""
 
 import json
-import sys
 from fractions import Fraction
 
 import pytest

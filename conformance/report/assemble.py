@@ -13,10 +13,10 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from truemean.conformance.provenance import commit, versions
 from truemean.conformance.report import curves, images, plans, speed, verdicts
 from truemean.conformance.report.charts import save
 from truemean.conformance.report.document import Cell, Code, Document, Section, Table
-from truemean.conformance.provenance import commit, versions
 from truemean.conformance.verdict import Report
 from truemean.errors import UnknownName
 
@@ -90,6 +90,7 @@ def build(
         "skipped": dict(skipped) | {name: "interrupted before its turn" for name in subjects if name not in reports},
         "interrupted": any(report.interrupted for report in reports.values()),
         "command": command,
+        "alone": {name: verdicts.replay(report) for name, report in reports.items()},
         "seed": seed,
         "commit": commit(),
         "versions": _all_versions(reports),
@@ -158,6 +159,7 @@ def _judged(report: Report) -> Document:
 def _replay(made: Mapping[str, Any]) -> Section:
     """What was not run, how to get the same report again, and what it was made with."""
     rows = tuple((Cell(name), Cell(why)) for name, why in made["skipped"].items())
+    alone = made["alone"].values()
     left_out = Table("not-run", "What was not run, and what would make it run.", ("what", "why"), rows)
     return Section(
         "replay",
@@ -166,6 +168,7 @@ def _replay(made: Mapping[str, Any]) -> Section:
             left_out if rows else "Everything that this report knows how to run was run.",
             "The same command with the same seed gives the same numbers; only times differ.",
             Code(made["command"]),
+            *(("One implementation alone, with the same replicates:", Code("\n".join(alone))) if alone else ()),
             _facts(
                 "made-with",
                 "What this report was made with.",

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -21,7 +22,7 @@ from truemean.errors import NeedsScene, PlanError
 from truemean.oracle import Pixel, derive
 from truemean.oracle.plans import catalogue
 
-__all__ = ["declared_plan", "headline", "judge_all", "judged_parts", "section"]
+__all__ = ["declared_plan", "headline", "judge_all", "judged_parts", "replay", "section"]
 
 REPLICATES, FRAMES = 100_000, 20_000  # a frame renders all pixels of a scene and takes milliseconds
 ALPHA = BETA = 0.01
@@ -35,21 +36,29 @@ LOOKS = {
 }
 
 
-def judge_all(subjects: Mapping[str, Any], tolerance: str, seed: int, progress: Progress) -> dict[str, Report]:
-    """Each subject judged at ``tolerance``; ``progress(text, share)`` goes from 0 to the number of subjects.
+def judge_all(
+    subjects: Mapping[str, tuple[str, Any]], tolerance: str, seed: int, progress: Progress
+) -> dict[str, Report]:
+    """Each subject, by name with its SUBJECT, judged at ``tolerance``; ``progress(text, share)`` counts subjects.
 
     An interrupt ends the judging: what it had gathered counts, later subjects are missing.
     """
     found = {}
-    for number, (name, subject) in enumerate(subjects.items()):
+    for number, (name, (written, subject)) in enumerate(subjects.items()):
         budget = FRAMES if callable(getattr(subject, "run_many", None)) else REPLICATES
         look = partial(_look, progress, f"judging {name}", number, budget)
-        found[name] = judge(
-            subject, tolerance=tolerance, alpha=ALPHA, beta=BETA, budget=budget, seed=seed, progress=look
-        )
-        if found[name].interrupted:
+        report = judge(subject, tolerance=tolerance, alpha=ALPHA, beta=BETA, budget=budget, seed=seed, progress=look)
+        found[name] = replace(report, subject=written)
+        if report.interrupted:
             break
     return found
+
+
+def replay(report: Report) -> str:
+    """The command that judges this subject alone, with the same replicates."""
+    asked = report.arguments
+    options = {"--tolerance": asked["tolerance"], "--budget": asked["budget"], "--seed": report.seed}
+    return shlex.join(["truemean", "judge", report.subject, *(str(word) for pair in options.items() for word in pair)])
 
 
 def _look(progress: Progress, text: str, before: int, budget: int, pixel: str, drawn: int, _undecided: int) -> None:
@@ -138,7 +147,7 @@ def _summary(reports: Mapping[str, Report]) -> Table:
         right, known = predicted_right(report)
         rows.append(
             (
-                Cell(name),
+                Cell(name, (report.subject,)),
                 _chip(report.verdict),
                 Cell(", ".join(f"{counts[verdict]} {verdict}" for verdict in Verdict if counts[verdict]) or "none"),
                 Cell(declared_plan(report)),

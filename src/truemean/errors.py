@@ -5,7 +5,7 @@
     TruemeanError
     |-- InputError (ValueError)            wrong use or unreadable input: exit code 2
     |   |-- InputTypeError (TypeError)     right place, wrong type
-    |   |-- UnknownName                    no such plan, parameter, adapter, pixel (nearest names given)
+    |   |-- UnknownName (KeyError)         no such plan, parameter, adapter, pixel (nearest names given)
     |   |-- MissingExtra                   an optional package is not installed (says how to get it)
     |   |-- SceneError                     a scene or pixel file that can't be used
     |   |   `-- NeedsScene                 the plan asks for geometry, the pixel has none
@@ -61,7 +61,7 @@ class InputTypeError(InputError, TypeError):
     """An argument of a type that can't be meant, such as a float for an exact weight."""
 
 
-class UnknownName(InputError):
+class UnknownName(InputError, KeyError):
     """A name that nothing is registered under; the message lists the nearest ones."""
 
     def __init__(self, what: str, name: str, known: Iterable[str]) -> None:
@@ -69,6 +69,9 @@ class UnknownName(InputError):
         near = get_close_matches(name, self.known, n=3, cutoff=0.4)
         hint = "did you mean " + " or ".join(near) + "?" if near else "known: " + ", ".join(self.known)
         super().__init__(f"no {what} is called {name!r}; {hint}")
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
     def __reduce__(self) -> tuple[type[UnknownName], tuple[str, str, tuple[str, ...]]]:
         return type(self), (self.what, self.name, self.known)

@@ -89,7 +89,8 @@ Timeout = Annotated[
     float | None, typer.Option(metavar="SECONDS", help="Stop after this time with what is known by then.")
 ]
 Most = Annotated[
-    int | None, typer.Option(min=1, metavar="N", help="The largest n, of 3, 4 and speed-accuracy. [default: 32, 32, 4096]")
+    int | None,
+    typer.Option(min=1, metavar="N", help="The largest n, of 3, 4 and speed-accuracy. [default: 32, 32, 4096]"),
 ]
 SceneName = Annotated[
     str | None, typer.Option(metavar="SCENE", help="Which scene, of 5: a shipped one or a file. [default: fig5]")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import shlex
 import shutil
@@ -20,7 +19,6 @@ from rich.console import Console
 from rich.text import Text
 
 from truemean.errors import InputError
-from truemean.oracle.rings import Approx
 
 __all__ = [
     "command_line",
@@ -67,7 +65,6 @@ def shortened(value: int | Fraction) -> str:
     >>> shortened(Fraction(-1197, 16384)), shortened(Fraction(10**30 + 1, 3))
     ('-1197/16384', '10000000{...15 digits...}00000001/3')
     """
-
     numerator, denominator = value.as_integer_ratio()
     return _short(numerator) + (f"/{_short(denominator)}" if denominator != 1 else "")
 

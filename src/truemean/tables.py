@@ -16,10 +16,10 @@ from truemean.adapters import Available
 from truemean.conformance.pixels import SETS
 from truemean.conformance.plain import plain
 from truemean.conformance.verdict import Case, PlanCheck, Report, Verdict
+from truemean.oracle import Approx
 from truemean.oracle.derivation import Derivation, DerivedPath
 from truemean.oracle.pixel import Pixel, Value
 from truemean.oracle.plan import Plan
-from truemean.oracle import Approx
 from truemean.oracle.scene import load_scene, shipped_scenes
 from truemean.output import console, decimal, shortened
 
@@ -164,7 +164,8 @@ def _unbiased(plan: Plan) -> str:
 
 def print_judgement(report: Report) -> None:
     """A row for each case, then what is not decided, what was skipped, and the verdict in a sentence."""
-    hidden = set() if any(case.plan_check for case in report.cases) else {"plan"}
+    told = {"plan": "plan_check", "cost": "cost"}
+    hidden = {name for name, field in told.items() if all(getattr(case, field) is None for case in report.cases)}
     if console().width < ROOMY:
         hidden |= {"true mean I", "std", "cost"}
     rows = [{name: text for name, text in _row(case).items() if name not in hidden} for case in report.cases]

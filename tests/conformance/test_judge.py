@@ -296,7 +296,7 @@ def test_a_crash_breaks_only_its_pixel():
 
     report = judge(crashing, pixels=EIGHTH | {"quarter": Pixel.two("1/4")}, tolerance="3%")
     assert [case.verdict for case in report.cases] == ["CONFORMS", "BROKEN"]
-    assert report.cases[1].reason == "crashed with RuntimeError: no light"
+    assert report.cases[1].reason.startswith("run(pixel, seeds) crashed with RuntimeError: no light (")
     assert (report.cases[1].replicates, report.cases[1].mean, report.cases[1].std) == (0, None, None)
     assert report.verdict is Verdict.BROKEN
 
@@ -441,9 +441,10 @@ def test_an_interrupt_keeps_what_was_gathered():
 
 
 def test_a_timeout_ends_the_run_between_batches():
-    report = judge(fixed, pixels=EIGHTH, tolerance=0, timeout=1e-9)
-    assert report.cases[0].replicates == 16
-    assert "timeout=1e-09" in report.cases[0].reason
+    report = judge(fixed, pixels=EIGHTH | {"half": Pixel.two("1/2")}, tolerance=0, timeout=1e-9)
+    assert [case.replicates for case in report.cases] == [16, 0]
+    assert "timeout=1e-09, E[ξ] - I lies in" in report.cases[0].reason
+    assert report.cases[1].reason == "stopped by timeout=1e-09 before a replicate was drawn"
     assert not report.interrupted
 
 
@@ -479,7 +480,7 @@ def test_a_subject_that_crashes_when_asked_about_itself_is_to_blame(name):
 
 
 def test_pixels_that_crash_are_the_subjects_fault():
-    subject = Together(lambda pixel, seeds: fixed(pixel, seeds))
+    subject = Together(fixed)
     subject.pixels = lambda: 1 / 0
     with pytest.raises(SubjectError, match=r"pixels\(\) crashed with ZeroDivisionError"):
         judge(subject, tolerance="1%")
@@ -493,7 +494,7 @@ def test_a_crash_on_a_pixel_is_its_verdict(name):
 
 def test_the_evidence_before_costs_crash_is_kept():
     case = only(judge(Failing("costs", after=3), pixels=EIGHTH, tolerance="1%"))
-    assert (case.verdict, case.replicates) == (Verdict.BROKEN, 16 + 16 * 0.1 // 1 + 1 + 2)
+    assert (case.verdict, case.replicates) == (Verdict.BROKEN, 20)  # looks at 16, 18 and 20
 
 
 # -- the report -----------------------------------------------------------------------------------
@@ -532,6 +533,7 @@ def test_the_report_is_plain_json():
         ({"range": 3}, "range=3"),
         ({"pixels": {}}, r"pixels=\{\}"),
         ({"pixels": "eighth"}, "pixels='eighth'"),
+        ({"pixels": Pixel({0: "1/2", 10**400: "1/2"})}, "a value beyond the floats"),
         ({"declares": 3}, "declares=3"),
     ],
 )
@@ -593,7 +595,7 @@ def test_a_plan_of_a_readers_own_is_found_by_file_and_named_by_its_function(tmp_
 
 def test_a_declared_plan_that_raises_is_wrong_use():
     def divides(X, n=8):
-        return X.draw(n).mean() / (n - 8)
+        return X.draw(n).mean() + 1 / (n - 8)
 
     with pytest.raises(PlanError, match=r"plan 'divides' raised ZeroDivisionError.*test_judge.py, line"):
         judge(fixed, pixels=EIGHTH, tolerance="1%", declares=divides)

@@ -13,6 +13,7 @@ from truemean.conformance.trial import Levels, Trial
 from truemean.conformance.verdict import PlanCheck, Verdict
 from truemean.errors import NeedsScene, NotExact, RowBudgetExceeded
 from truemean.oracle.pixel import Pixel
+from truemean.oracle.plan import Plan
 
 LEVELS = Levels(biased=0.01, deviates=0.005, conforms=0.01, budget=10_000)
 MEAN_OF_16 = {
@@ -110,31 +111,32 @@ def test_conforms_once_reached_on_both_sides_keeps_the_interval_within_the_toler
     assert upper <= 0.05
 
 
+def mine(X, n=3):
+    return X.draw(n).mean()
+
+
 @pytest.mark.parametrize("error", [RowBudgetExceeded, NotExact, NeedsScene])
 def test_what_the_oracle_cannot_tell_is_noted(monkeypatch, error):
     def distribution():
         raise error("the law is out of reach")
 
     derived = SimpleNamespace(bias=Fraction(1, 3), variance=Fraction(1, 9), distribution=distribution)
-    monkeypatch.setattr("truemean.oracle.derive", lambda plan, pixel, n: derived, raising=False)
-    (known,) = derive_declared(Declaration("mine", len, {"n": 3}), Pixel.two("1/2"))
+    monkeypatch.setattr("truemean.conformance.declared.derive", lambda plan, pixel, n: derived)
+    (known,) = derive_declared(Declaration("mine", Plan(mine), {"n": 3}), Pixel.two("1/2"))
     assert known == Declared(Fraction(1, 3), Fraction(1, 9), None, "the law is out of reach")
 
 
 def test_a_law_of_colours_is_taken_by_channel(monkeypatch):
     law = {(Fraction(0), Fraction(1)): Fraction(1, 4), (Fraction(0), Fraction(2)): Fraction(3, 4)}
     derived = SimpleNamespace(bias=(1, 2), variance=(3, 4), distribution=lambda: law)
-    monkeypatch.setattr("truemean.oracle.derive", lambda plan, pixel: derived, raising=False)
+    monkeypatch.setattr("truemean.conformance.declared.derive", lambda plan, pixel: derived)
     pixel = Pixel({(0, 1): "1/2", (0, 2): "1/2"})
-    first, second = derive_declared(Declaration("mine", len, {}), pixel)
+    first, second = derive_declared(Declaration("mine", Plan(mine), {}), pixel)
     assert (first.bias, first.variance, first.law) == (1, 3, {0: 1})
     assert (second.bias, second.variance, second.law) == (2, 4, {1: Fraction(1, 4), 2: Fraction(3, 4)})
 
 
 def test_a_function_may_be_declared_bare_or_with_parameters():
-    def mine(X):
-        return X
-
-    assert read_declaration(mine) == Declaration("mine", mine, {})
-    assert read_declaration((mine, {"n": 3})) == Declaration("mine", mine, {"n": 3})
+    assert read_declaration(mine) == Declaration("mine", Plan(mine), {})
+    assert read_declaration((mine, {"n": 3})) == Declaration("mine", Plan(mine), {"n": 3})
     assert read_declaration(None) is None

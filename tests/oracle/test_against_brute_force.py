@@ -17,7 +17,7 @@ from truemean.errors import UndefinedValue
 from truemean.oracle import Pixel, derive
 
 quiet = settings(deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
-few, many = settings(quiet, max_examples=8), settings(quiet, max_examples=150)
+few, many = settings(quiet, max_examples=8), settings(quiet, max_examples=100)
 
 TABLE = [
     pytest.param(plan, pixels, id=name)

@@ -64,7 +64,7 @@ def built(tmp_path_factory):
     told = []
     returned = build(
         folder,
-        {"honest": Honest(), HOSTILE: Dark(), "broken": Broken()},
+        {"honest": ("own:honest?n=4", Honest()), HOSTILE: ("own:dark", Dark()), "broken": ("own:broken", Broken())},
         command="truemean report --out <here>",
         seed=3,
         skipped={"a renderer": "not installed: pip install 'truemean[renderer]'"},

@@ -38,6 +38,15 @@ def test_json_has_its_schema_and_says_how_to_replay(built):
     assert set(data["sections"]) == {"verdicts", "bias", "images", "plans", "speed"}
 
 
+def test_each_subject_is_named_and_can_be_judged_alone(built):
+    assert built.data["headline"].startswith("At a tolerance of 1 % of a pixel’s range, honest CONFORMS in")
+    assert built.data["sections"]["verdicts"]["honest"]["subject"] == "own:honest?n=4"
+    line = "truemean judge 'own:honest?n=4' --tolerance 1% --budget 100000 --seed 3"
+    assert built.data["alone"]["honest"] == line
+    assert f"    {line}\n" in built.markdown
+    assert "| honest, own:honest?n=4 |" in built.markdown
+
+
 def test_every_float_in_json_is_its_exact_number_rounded(built):
     pairs = list(numbers(built.data))
     assert len(pairs) > 7 * 32 * 2
