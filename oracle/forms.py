@@ -36,6 +36,7 @@ class _Draft:
         self.truths: list[tuple[Truth, Quantity]] = list(form.truths)
         self.rest: list[Quantity] = [form.rest]
         self.checks: list[Quantity] = []
+        self.sizes: list[tuple[Sample, Quantity]] = []
 
     def join(self, nodes: Iterable[Node], sample: Sample | None = None) -> None:
         """Bring what the nodes read, and a sample already observed, into one block."""
@@ -73,7 +74,7 @@ def _drafted(path: Path, rows: Rows, form: Linear, order: int) -> _Draft:
         draft.join([factor, size])
     for _, coefficient in _added(draft.truths):
         draft.join([coefficient])
-    for node in (*draft.rest, *draft.checks):
+    for node in (*draft.rest, *draft.checks, *(size for _, size in draft.sizes)):
         draft.join([node])
     return draft
 
@@ -107,6 +108,7 @@ def _draft_sample(draft: _Draft, terms: list[tuple[Quantity, Quantity]], order: 
         draft.truths.append(((sample.law, column), whole))
         factors.append((span, per_draw(leaf, coefficient)))
         if leaf.op == "mean" and least(size) < 1:
+            draft.sizes.append((sample, size))
             draft.checks.append(factors[-1][1])
     # A coefficient that depends on these very draws makes them anything but unseen.
     depends_on = draft.path.observer.depends_on
@@ -145,6 +147,8 @@ def _finished(draft: _Draft, approximate: bool) -> Form:
     for truth, coefficient in _added(draft.truths):
         place = homes.of([coefficient])
         place.truths.append((truth, homes.column(place, coefficient)))
+    for sample, size in draft.sizes:
+        draft.path.observer.sizes(homes.of([size]).evaluator.block, size, sample)
     for node in draft.checks:
         homes.column(homes.of([node]), node)
     for node in draft.rest:

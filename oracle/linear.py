@@ -115,10 +115,10 @@ def added_up(nodes: Iterable[Quantity]) -> Quantity:
 
 
 def least(node: Node) -> Fraction | float:
-    """A lower bound of a quantity that needs no rows."""
+    """A lower bound of a size that needs no rows; -inf where it may be no integer."""
     op, args = node.op, node.args
     if op == "const":
-        return Fraction(args[0])
+        return Fraction(args[0]) if args[0].denominator == 1 else -math.inf
     if op in ("where", "min", "max", "+"):
         first, second = (least(a) for a in args[-2:])
         if op == "+":

@@ -138,7 +138,7 @@ class Observer:
             which, bounds = np.zeros(block.size, dtype=np.int64), [0, table.rows]
         else:
             rows, block = self._beside_size(rows, sample, size)
-            distinct, which = np.unique(self._sizes(block, size, sample), return_inverse=True)
+            distinct, which = np.unique(self.sizes(block, size, sample), return_inverse=True)
             stack = [tables(int(n), wanted) for n in distinct]
             table, bounds = StackedTable(stack, wanted), [0, *np.cumsum([t.rows for t in stack])]
         pairs = self._pairs(block, which, bounds, sample, why)
@@ -192,7 +192,8 @@ class Observer:
         offset = np.arange(total) - np.repeat(np.cumsum(counts) - counts, counts)
         return np.repeat(np.arange(block.size), counts), np.repeat(starts, counts) + offset
 
-    def _sizes(self, block: Block, size: Quantity, sample: Sample) -> Ints:
+    def sizes(self, block: Block, size: Quantity, sample: Sample) -> Ints:
+        """The number of draws by row; PlanError where it is no integer >= 0."""
         values = Evaluator(block, self.lenient).column(size).fractions()
         bad = next((v for v in values if v.denominator != 1 or v < 0), None)
         if bad is not None:

@@ -74,7 +74,8 @@ class Sample:
         """The number of draws in some segments."""
         ends = self._ends
         while len(ends) <= last:
-            ends.append(ends[-1] + self.segments[len(ends) - 1].size)
+            size = self.segments[len(ends) - 1].size
+            ends.append(ends[-1] + size if len(ends) > 1 else size)
         return ends[last] if not first else ends[last] - ends[first]
 
     def more(self, m: Any) -> Sample:

@@ -86,7 +86,7 @@ class Sampler(Observer):
             size = sample.segments[number].size
             if isinstance(size, Quantity):
                 rows, block = self.require(rows, leaves(size), size)
-                sizes = self._sizes(block, size, sample)
+                sizes = self.sizes(block, size, sample)
             else:
                 sizes = np.full(rows.blocks[0].size, size)
             rows = self._drawn(rows, sample, number, sizes)

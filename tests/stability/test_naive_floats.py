@@ -268,12 +268,11 @@ def test_11_three_equal_tenths_have_no_variance(tenth):
 
 def textbook_errors(n: int, hits: int) -> list[float]:
     """s / sqrt(n) of 0/1 samples, three ways."""
-    p = hits / n
     x = [1.0] * hits + [0.0] * (n - hits)
     return [
         math.sqrt(two_pass(x)) / math.sqrt(n),
         math.sqrt((hits - hits * hits / n) / (n - 1) / n),
-        math.sqrt(p * (1 - p) / (n - 1)),
+        math.sqrt((n * hits - hits * hits) / (n * (n - 1))) / math.sqrt(n),
     ]
 
 
