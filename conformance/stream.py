@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,15 +21,12 @@ FIRST_LOOK, LOOK_GROWTH = 16, 1.1
 SEED_BITS = 53
 
 
-@dataclass(slots=True)
 class Stream:
     """Pixels that are rendered together, from the same seeds, with their trials by pixel and channel."""
 
-    chosen: Sequence[Chosen]
-    seeds: Seeds
-    trials: list[list[Trial]]
-    drawn: int = 0
-    skipped: str = ""
+    def __init__(self, chosen: Sequence[Chosen], seeds: Seeds, trials: list[list[Trial]]) -> None:
+        self.chosen, self.seeds, self.trials = chosen, seeds, trials
+        self.drawn, self.skipped = 0, ""
 
     @property
     def waiting(self) -> bool:

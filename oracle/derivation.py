@@ -145,7 +145,8 @@ class Derivation:
                 raise InputError(
                     f"weights for {list(weights)} are not weights for the values {list(self.pixel.values)}"
                 )
-            return derive(self.plan, pixel, **self._exploration.params)
+            e, arithmetic = self._exploration, "exact" if isinstance(self._ring, Exact) else "float64"
+            return derive(self.plan, pixel, arithmetic=arithmetic, rtol=self._rtol, rows=e.budget, **e.params)
         pixel = self.pixel
         if pixel.regions:
             raise InputError("the pixel has regions, so its weights don't say it all: derive it for each pixel")

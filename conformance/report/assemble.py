@@ -84,16 +84,11 @@ def build(
     tell("writing the files", 1 - WRITING / total)
     data: dict[str, Any] = {
         "schema": SCHEMA,
-        "headline": verdicts.headline(reports, TOLERANCE),
-        "tolerance": TOLERANCE,
-        "verdicts": {name: str(report.verdict) for name, report in reports.items()},
+        **_outcome(reports),
         "skipped": dict(skipped) | {name: "interrupted before its turn" for name in subjects if name not in reports},
-        "interrupted": any(report.interrupted for report in reports.values()),
         "command": command,
-        "alone": {name: verdicts.replay(report) for name, report in reports.items()},
         "seed": seed,
         "commit": commit(),
-        "versions": _all_versions(reports),
     }
     sections = [verdicts.section(reports, TOLERANCE), *sections, _replay(data)]
     data["sections"] = {section.name: section.data for section in sections if section.data}
@@ -104,6 +99,18 @@ def build(
     _write(Path(out), document, data)
     tell("done", 1.0)
     return data
+
+
+def _outcome(reports: Mapping[str, Report]) -> dict[str, Any]:
+    """What was found on the implementations, how to judge each of them alone, and what they were run with."""
+    return {
+        "headline": verdicts.headline(reports, TOLERANCE),
+        "tolerance": TOLERANCE,
+        "verdicts": {name: str(report.verdict) for name, report in reports.items()},
+        "interrupted": any(report.interrupted for report in reports.values()),
+        "alone": {name: verdicts.replay(report) for name, report in reports.items()},
+        "versions": _all_versions(reports),
+    }
 
 
 def _write(out: Path, document: Document, data: Mapping[str, Any]) -> None:
