@@ -46,7 +46,19 @@ class Deciding(Protocol):
 CURRENT: ContextVar[Deciding | None] = ContextVar("truemean_path", default=None)
 
 
-class Node:
+class NumPyMixin:
+    """NumPy's functions on whatever has it make expressions; see `truemean.oracle.ufuncs`."""
+
+    __slots__ = ()
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        return _numpy().apply_ufunc(ufunc, method, inputs, options)
+
+    def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
+        return _numpy().apply_function(function, args, kwargs)
+
+
+class Node(NumPyMixin):
     """An immutable expression: an operation, its arguments, and a key that identifies both."""
 
     __slots__ = ("args", "key", "op")
@@ -164,14 +176,6 @@ class Quantity(Node):
             raise PlanError(f"{self!r} has many values: format it without {spec!r}, its text is its formula")
         return repr(self)
 
-    # -- NumPy -------------------------------------------------------------------------------
-
-    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
-        return _numpy().apply_ufunc(ufunc, method, inputs, options)
-
-    def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
-        return _numpy().apply_function(function, args, kwargs)
-
 
 class Decision(Node):
     """A comparison that the plan may act on; ``bool()`` of it splits the path."""
@@ -227,14 +231,8 @@ class Decision(Node):
 
     __hash__ = None
 
-    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
-        return _numpy().apply_ufunc(ufunc, method, inputs, options)
 
-    def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
-        return _numpy().apply_function(function, args, kwargs)
-
-
-class Vector:
+class Vector(NumPyMixin):
     """Quantities (or decisions) by channel, for colours."""
 
     __slots__ = ("parts",)
@@ -288,12 +286,6 @@ class Vector:
 
     def __abs__(self) -> Vector:
         return Vector(abs(p) for p in self.parts)
-
-    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
-        return _numpy().apply_ufunc(ufunc, method, inputs, options)
-
-    def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
-        return _numpy().apply_function(function, args, kwargs)
 
 
 def _channelwise(function: Callable[..., Any]) -> Callable[[Vector, Any], Any]:
