@@ -9,6 +9,7 @@ import numpy as np
 
 from truemean.errors import PlanError, UndefinedValue
 from truemean.oracle.columns import Bools, Column, NotRational, Surd
+from truemean.oracle.exact import short_text
 from truemean.oracle.law import Law
 from truemean.oracle.quantity import Decision, Node, Quantity
 from truemean.oracle.rows import Block
@@ -181,7 +182,7 @@ def row_text(block: Block, row: int) -> str:
     parts = []
     for e in block.entries:
         r, law, name = int(e.index[row]), e.table.law, e.sample.name
-        values = [", ".join(map(str, v)) for v in law.values]
+        values = [", ".join(map(short_text, v)) for v in law.values]
         if e.table.sizes[r] == 0:
             parts.append(f"{name} is empty")
         elif e.table.knows("counts"):

@@ -12,7 +12,7 @@ from flint import fmpq
 
 from truemean.errors import InputError, InputTypeError
 
-__all__ = ["exact_fraction", "exact_number", "exact_text", "exact_weight"]
+__all__ = ["exact_fraction", "exact_number", "exact_text", "exact_weight", "short_text"]
 
 
 def exact_number(value: Any, name: str = "value") -> Fraction:
@@ -41,6 +41,16 @@ def exact_number(value: Any, name: str = "value") -> Fraction:
     if not math.isfinite(as_float):
         raise InputError(f"{name}={value!r} is not finite: a pixel's numbers must be finite")
     return Fraction(as_float)
+
+
+def short_text(value: Fraction, most: int = 48) -> str:
+    """``exact_text`` for a sentence: the middle of a long number is left out.
+
+    >>> short_text(Fraction(1, 3)), short_text(Fraction(10) ** 5000, most=9)
+    ('1/3', '100...00')
+    """
+    text = exact_text(value)
+    return text if len(text) <= most else f"{text[: most // 3]}...{text[-(most // 4) :]}"
 
 
 def exact_weight(value: Any, name: str = "weight") -> Fraction:

@@ -17,7 +17,7 @@ import numpy as np
 
 from truemean.errors import InputError, NotDeterministic, PlanError, TruemeanError
 from truemean.oracle.evaluate import Evaluator, check_closed, leaves
-from truemean.oracle.exact import exact_number
+from truemean.oracle.exact import exact_number, short_text
 from truemean.oracle.features import Level
 from truemean.oracle.float64 import Float64
 from truemean.oracle.importance import proposal_law
@@ -92,7 +92,10 @@ class Path:
             raise PlanError("the plan calls itself without end: give the recursion a case that stops") from None
         except Exception as error:
             chance = self.rows.probability(Exact())
-            error.add_note(f"in a plan, on the path with probability {chance}: {self.text() or 'no decision yet'}")
+            place = (
+                f"on the path {self.text()}, which has probability {short_text(chance)}" if self.taken else "at once"
+            )
+            error.add_note(f"in a plan, {place}")
             raise
         finally:
             CURRENT.reset(token)
@@ -183,7 +186,7 @@ class Path:
             raise PlanError(f"{asked!r} has {len(values)} values, too many for one path each: X.draw takes a quantity")
         smallest = min(values)
         if whole and smallest.denominator != 1:
-            raise PlanError(f"int({asked!r}) would cut off {smallest}: use np.floor or round first")
+            raise PlanError(f"int({asked!r}) would cut off {short_text(smallest)}: use np.floor or round first")
         return smallest
 
     # -- what a population asks --------------------------------------------------------------
@@ -306,7 +309,7 @@ def _size(n: Any, least: int) -> int | Quantity:
         n = fixed
     number = exact_number(n, "n")
     if number.denominator != 1 or number < least:
-        raise InputError(f"n={number} is not a sample size: draw an integer number of at least {least}")
+        raise InputError(f"n={short_text(number)} is not a sample size: give a whole number from {least} up")
     return int(number)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from truemean.errors import InputError, InputTypeError, NeedsScene, PlanError
-from truemean.oracle.exact import exact_fraction, exact_number, exact_weight
+from truemean.oracle.exact import exact_fraction, exact_number, exact_weight, short_text
 
 __all__ = ["Geometry", "Pixel", "Value"]
 
@@ -167,7 +167,7 @@ class Pixel:
         raise PlanError(f"X.draw({n!r}) outside a derivation: call derive(plan, X) or simulate(plan, X)")
 
     def __repr__(self) -> str:
-        law = ", ".join(f"{_text(value)}: {weight}" for value, weight in self.law.items())
+        law = ", ".join(f"{_text(value)}: {short_text(weight)}" for value, weight in self.law.items())
         return f"Pixel({{{law}}})"
 
     def _placed(self, asked: str) -> Geometry:
@@ -216,4 +216,4 @@ def _dot(weights: Iterable[Fraction], values: Iterable[Fraction]) -> Fraction:
 
 
 def _text(value: Value) -> str:
-    return f"({', '.join(map(str, value))})" if isinstance(value, tuple) else str(value)
+    return f"({', '.join(map(short_text, value))})" if isinstance(value, tuple) else short_text(value)

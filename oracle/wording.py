@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from truemean.oracle.exact import short_text
+
 __all__ = ["text"]
 
 _NEGATED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<", "==": "!=", "!=": "=="}
@@ -17,7 +19,9 @@ def text(node: Any, side: bool = True, tight: int = 0) -> str:
     if not side:
         return _negated(node)
     op, args = node.op, node.args
-    if op in ("const", "truth"):
+    if op == "const":
+        return short_text(args[0])
+    if op == "truth":
         return str(args[0])
     if op in _INFIX:
         level = _INFIX[op]

@@ -28,7 +28,13 @@ def kirk_arvo(X: Population, n: Any = 4, eps: Any = 0) -> Any:
 )
 def kirk_arvo_unbiased(X: Population, area: Any = "1/4", p: Any = 4, n1: Any = 4, n2: Any = 16, eps: Any = 0) -> Any:
     """UnbiasedEstimateMean(X, R, p, n1, n2, eps): region R by the pilot, the rest by fresh samples."""
-    R, rest = X.regions.values() if len(X.regions) == 2 else X.split(area)
+    R, rest = _declared(X) or X.split(area)
     S_p = R.draw(p)
     S_n = rest.draw(n1 if (S_p.range() <= eps).all() else n2)
     return S_p.mean() * R.area + S_n.mean() * rest.area
+
+
+def _declared(X: Population) -> tuple[Population, Population] | None:
+    """The regions R and X - R, if the pixel declares them."""
+    others = [part for name, part in X.regions.items() if name != "R"]
+    return (X.regions["R"], others[0]) if "R" in X.regions and len(others) == 1 else None

@@ -34,6 +34,10 @@ SUBJECTS = """
         def run(self, pixel, seeds):
             return np.asarray(seeds) * self.factor
 
+    class Unready(Scaled):
+        def __init__(self):
+            raise RuntimeError("no device")
+
     ready = Scaled(5)
     number = 7
 """
@@ -44,6 +48,7 @@ def folder(tmp_path, monkeypatch):
     """The current directory, holding a module of subjects and two that can't be imported."""
     (tmp_path / "subjects_of_load.py").write_text(textwrap.dedent(SUBJECTS))
     (tmp_path / "crashes_on_load.py").write_text("1 / 0\n")
+    (tmp_path / "exits_on_load.py").write_text("raise SystemExit(1)\n")
     (tmp_path / "imports_nothing_real.py").write_text("import no_such_library\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.path", [*sys.path])
@@ -101,8 +106,18 @@ def test_a_functions_attributes_stay_visible(folder, name):
         ("python:no_such_module:f", InputError, ["no module 'no_such_module'", "looked for in"]),
         ("python:no_such_module.sub:f", InputError, ["no module 'no_such_module'", "looked for in"]),
         ("python:no_such_file.py:f", InputError, ["no file 'no_such_file.py'", "path/to/file.py:name"]),
-        ("python:crashes_on_load:f", SubjectError, ["crashes_on_load", "ZeroDivisionError: division by zero"]),
-        ("python:crashes_on_load.py:f", SubjectError, ["crashes_on_load.py", "ZeroDivisionError: division by zero"]),
+        (
+            "python:crashes_on_load:f",
+            SubjectError,
+            ["'python:crashes_on_load:f'", "ZeroDivisionError: ", "crashes_on_load.py, line 1)"],
+        ),
+        (
+            "python:crashes_on_load.py:f",
+            SubjectError,
+            ["ZeroDivisionError: division by zero (", "crashes_on_load.py, line 1)"],
+        ),
+        ("python:exits_on_load.py:f", SubjectError, ["SystemExit: 1 (", "exits_on_load.py, line 1)"]),
+        ("python:subjects_of_load:Unready", SubjectError, ["RuntimeError: no device (", "subjects_of_load.py, line"]),
         ("python:imports_nothing_real:f", SubjectError, ["imports_nothing_real", "no_such_library"]),
         ("python:subjects_of_load:halve", UnknownName, ["object of subjects_of_load", "'halve'", "did you mean half"]),
         ("python:subjects_of_load:half?bye=3", UnknownName, ["option of subjects_of_load:half", "'bye'", "by"]),

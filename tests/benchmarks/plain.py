@@ -48,7 +48,7 @@ def moments(counts: tuple[int, ...], law: Law) -> tuple[Fraction, Fraction]:
 def figure_1(pixel: Pixel, n: int, easy: Callable[[tuple[int, ...], Law], bool]) -> Fraction:
     """E[xi] of Fig. 1 over all k-tuples, as the paper's section 3 says."""
     law = atoms(pixel)
-    expectation, truth = Fraction(0), sum(value * weight for value, weight in law)
+    expectation, truth = Fraction(0), sum((value * weight for value, weight in law), Fraction(0))
     for counts in tuples(len(law), n):
         estimate = moments(counts, law)[0] if easy(counts, law) else truth
         expectation += chance(counts, law) * estimate
@@ -58,11 +58,14 @@ def figure_1(pixel: Pixel, n: int, easy: Callable[[tuple[int, ...], Law], bool])
 def figure_1_by_sequences(pixel: Pixel, n: int, eps: Fraction) -> Fraction:
     """E[xi] of Fig. 1 over all k^n sequences."""
     law = atoms(pixel)
-    expectation, truth = Fraction(0), sum(value * weight for value, weight in law)
+    expectation, truth = Fraction(0), sum((value * weight for value, weight in law), Fraction(0))
     for draws in product(law, repeat=n):
         values = [value for value, _ in draws]
-        estimate = sum(values) / n if max(values) - min(values) <= eps else truth
-        expectation += math.prod((weight for _, weight in draws), start=Fraction(1)) * estimate
+        probability = Fraction(1)
+        for _, weight in draws:
+            probability *= weight
+        estimate = sum(values, Fraction(0)) / n if max(values) - min(values) <= eps else truth
+        expectation += probability * estimate
     return expectation
 
 

@@ -173,7 +173,9 @@ class Failing:
 
 @pytest.mark.parametrize("name", ["pixels", "declares", "versions", "seed_bits", "name", "run_many"])
 def test_a_subject_that_crashes_when_asked_about_itself_is_to_blame(name):
-    with pytest.raises(SubjectError, match=f"{name} crashed with LookupError: no such thing .*test_judge_subjects.py, line"):
+    with pytest.raises(
+        SubjectError, match=f"{name} crashed with LookupError: no such thing .*test_judge_subjects.py, line"
+    ):
         judge(Failing(name), tolerance="1%")
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
 import pytest
 
-from truemean.oracle import Pixel, Plan
-from truemean.oracle.plans import catalogue
+from truemean.oracle import Pixel
 from truemean.oracle.scene import load_scene
 
 COVERAGES = ("1/64", "1/8", "1/2", "7/8", "63/64")
@@ -23,7 +23,7 @@ FEW = {f"white on {w}": Pixel.two(w) for w in COVERAGES} | {
     "two regions": Pixel.from_regions({"R": ("1/4", Pixel.two("1/8")), "rest": ("3/4", Pixel.two("1/2"))}),
 }
 MANY = {"eight tones": Pixel({Fraction(i, 7): Fraction(8 - i, 36) for i in range(8)})}
-PLACED = {f"{name} {place}": load_scene(name).pixel(*place) for name, place in (("fig5", (8, 15)), ("tile", (4, 0)))}
+PLACED = {f"{name} {place}": load_scene(name).pixel(*place) for name, place in (("fig5", (18, 10)), ("tile", (4, 0)))}
 
 PARAMS: dict[str, list[dict[str, Any]]] = {
     "kirk-arvo": [{}, {"n": 1}, {"n": 2, "eps": "1/2"}, {"n": 9, "eps": 2}],
@@ -43,14 +43,12 @@ def pixels_of(name: str) -> dict[str, Pixel]:
     return FEW | PLACED if name == "sequential" else FEW | PLACED | MANY
 
 
-CASES = [
-    pytest.param(name, params, pixel, id=f"{name}-{number}-{short}")
-    for name, sets in PARAMS.items()
-    for number, params in enumerate(sets)
-    for short, pixel in pixels_of(name).items()
-]
-
-
-def plan_of(name: str) -> Plan:
-    """The plan of that name."""
-    return catalogue[name]
+def cases(wanted: Callable[[str, str, Pixel], bool]) -> list[Any]:
+    """Plan, parameters and pixel of every case whose plan, name of the pixel and pixel are wanted."""
+    return [
+        pytest.param(name, params, pixel, id=f"{name}-{number}-{short}")
+        for name, sets in PARAMS.items()
+        for number, params in enumerate(sets)
+        for short, pixel in pixels_of(name).items()
+        if wanted(name, short, pixel)
+    ]

@@ -220,13 +220,13 @@ def chance(pixel: Pixel, n: int, holds: Callable[[tuple[Fraction, ...]], bool]) 
     found = Fraction(0)
     for draws in product(atoms, repeat=n):
         if holds(tuple(value for value, _ in draws)):
-            found += math.prod((weight for _, weight in draws), start=Fraction(1))
+            found += Fraction(math.prod(weight for _, weight in draws))
     return found
 
 
 def variance(values: tuple[Fraction, ...]) -> Fraction:
     mean = Fraction(sum(values), len(values))
-    return sum((v - mean) ** 2 for v in values) / (len(values) - 1)
+    return sum(((v - mean) * (v - mean) for v in values), Fraction(0)) / (len(values) - 1)
 
 
 def easy(pixel: Pixel, decide: Callable[[Any], Any], n: int) -> Fraction:
