@@ -150,7 +150,7 @@ class Derivation:
         pixel = self.pixel
         if pixel.regions:
             raise InputError("the pixel has regions, so its weights don't say it all: derive it for each pixel")
-        array = _checked_weights(np.asarray(weights, dtype=float), len(pixel.values))
+        array = _checked_weights(weights, len(pixel.values))
         open_pixel = Pixel(dict.fromkeys(pixel.values, Fraction(1, len(pixel.values))))
         e = self._exploration
         exploration = Exploration(e.function, open_pixel, e.params, e.budget, e.lenient, weightless=True)
@@ -233,7 +233,11 @@ class Derivation:
         return tuple(map(rounded, exact)) if isinstance(exact, tuple) else rounded(exact)
 
 
-def _checked_weights(array: Any, k: int) -> Any:
+def _checked_weights(weights: Any, k: int) -> Any:
+    try:
+        array = np.asarray(weights, dtype=float)
+    except (TypeError, ValueError):
+        raise InputTypeError(f"weights={weights!r} are neither a mapping value -> weight nor arrays [k, ...]") from None
     if array.ndim < 1 or len(array) != k:
         raise InputError(f"weights of shape {array.shape}: the first axis is the {k} values of the pixel")
     if not (array >= 0).all() or not np.allclose(array.sum(axis=0), 1, rtol=0, atol=1e-9):
@@ -272,10 +276,10 @@ def derive(
         from truemean.oracle.simulate import sampled
 
         return sampled(declared, X, runs, seed, params)
-    if not isinstance(rows, int) or rows < 1:
+    if isinstance(rows, bool) or not isinstance(rows, int) or rows < 1:
         raise InputError(f"rows={rows!r}: give the largest number of rows allowed, or 'sampled'")
     exploration = Exploration(declared.function, X, declared.bind(params), rows, declared.undefined == "nan")
-    if rtol is not None and (arithmetic != "float64" or not rtol > 0):
+    if rtol is not None and (arithmetic != "float64" or not isinstance(rtol, float | int) or not rtol > 0):
         raise InputError(f"rtol={rtol!r} is a positive relative tolerance for arithmetic='float64'")
     found = Derivation(declared, X, _RINGS[arithmetic](), exploration, rtol)
     _ = exploration.paths  # errors of the plan show here, not at the first result

@@ -14,6 +14,8 @@ from truemean.errors import InputError, InputTypeError
 
 __all__ = ["exact_fraction", "exact_number", "exact_text", "exact_weight", "short_text"]
 
+_MOST_DIGITS = 100_000
+
 
 def exact_number(value: Any, name: str = "value") -> Fraction:
     """``value`` as a rational: int, Fraction, Decimal, ``"p/q"``, decimal string, or a float as it stands.
@@ -25,6 +27,10 @@ def exact_number(value: Any, name: str = "value") -> Fraction:
         return value
     if isinstance(value, Rational | Integral):
         return Fraction(int(value.numerator), int(value.denominator))
+    if isinstance(value, str | Decimal) and _digits(str(value)) > _MOST_DIGITS:
+        raise InputError(
+            f"{name}={value!r} has more than {_MOST_DIGITS:,} digits when written out: use a smaller exponent"
+        )
     if isinstance(value, str):
         try:
             return Fraction(value.strip())
@@ -83,6 +89,15 @@ def exact_text(value: Rational) -> str:
     ('-1197/16384', 5003)
     """
     return str(fmpq(int(value.numerator), int(value.denominator)))
+
+
+def _digits(text: str) -> int:
+    """How long a number in exponent notation is when written out."""
+    mantissa, _, exponent = text.strip().lower().partition("e")
+    try:
+        return len(mantissa) + abs(int(exponent or 0))
+    except ValueError:
+        return 0
 
 
 def _is_real(value: Any) -> bool:

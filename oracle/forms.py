@@ -43,7 +43,7 @@ class _Draft:
         asked = leaves(*nodes)
         self.rows, _ = self.path.observer.require(self.rows, asked)
         if sample is not None and asked:
-            self.rows, _ = self.rows.joined([sample, *(leaf.args[0] for leaf in asked)])
+            self.rows, _ = self.path.observer.joined(self.rows, [sample, *(leaf.args[0] for leaf in asked)])
 
 
 def prepare(path: Path, estimate: Quantity, truth: Truth | None, order: int, approximate: bool = False) -> Form:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from truemean.errors import InputError, PlanError, UndefinedValue
+from truemean.errors import InputError, InputTypeError, PlanError, UndefinedValue
 from truemean.oracle.columns import Ints
 from truemean.oracle.evaluate import Evaluator
 from truemean.oracle.features import Level
@@ -77,6 +77,8 @@ class Loop:
         for name, number in (("start", start), ("step", step), ("most", most), ("parts", parts)):
             if not isinstance(number, int):
                 raise InputError(f"{name}={number!r} of draw_until depends on the row: give an integer")
+        if not callable(stop):
+            raise InputTypeError(f"stop={stop!r} of draw_until is not a function of the sample: write lambda S: ...")
         if parts not in (1, 2):
             raise InputError(f"parts={parts} of draw_until: 1, or 2 to keep even and odd draws apart")
         if most < start:

@@ -6,6 +6,7 @@ coarsely, or merged too early, notes the need and is run again.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -57,7 +58,14 @@ class Observer:
             spans.append(leaf.args[1])
         for sample, features, spans in wanted.values():
             rows = self.observe(rows, sample, features, spans, why)
-        return rows.joined([sample for sample, _, _ in wanted.values()])
+        return self.joined(rows, [sample for sample, _, _ in wanted.values()], why)
+
+    def joined(self, rows: Rows, samples: list[Sample], why: Node | None = None) -> tuple[Rows, Block]:
+        """Samples brought into one block, if its rows are within the budget."""
+        blocks = {id(b): b.size for b in rows.blocks if any(b is rows.of(sample) for sample in samples)}
+        names = ", ".join(dict.fromkeys(sample.name for sample in samples))
+        self.check_budget(math.prod(blocks.values()), f"{names if why is None else text(why)}: {names} side by side")
+        return rows.joined(samples)
 
     def depends_on(self, rows: Rows, asked: Sequence[Node]) -> list[Node]:
         """What statistics look at, also by way of the sizes and chances of samples not yet attached."""
@@ -147,7 +155,7 @@ class Observer:
     def _beside_size(self, rows: Rows, sample: Sample, size: Quantity) -> tuple[Rows, Block]:
         """What the size reads and what is known of the sample, in one block."""
         rows, _ = self.require(rows, leaves(size), size)
-        return rows.joined([sample, *(leaf.args[0] for leaf in leaves(size))])
+        return self.joined(rows, [sample, *(leaf.args[0] for leaf in leaves(size))], size)
 
     def _attach_loop(self, rows: Rows, sample: Sample, loop: Loop) -> Rows:
         key = ("loop", sample.label)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from truemean.errors import InputError, NotDeterministic, PlanError, TruemeanError
+from truemean.errors import InputError, InputTypeError, NotDeterministic, PlanError, TruemeanError
 from truemean.oracle.evaluate import Evaluator, check_closed, leaves
 from truemean.oracle.exact import exact_number, short_text
 from truemean.oracle.features import Level
@@ -226,6 +226,8 @@ class Path:
 
     def choice(self, weights: list[Quantity], name: str, normalise: bool) -> Quantity:
         """A choice of the estimator itself: a sample of size 1 that costs nothing."""
+        if not weights:
+            raise InputError(f"{name} has nothing to pick from: give at least one weight")
         fixed = [number for w in weights if (number := _constant(w)) is not None]
         if len(fixed) == len(weights):
             chances, total = None, sum(fixed, Fraction(0))
@@ -247,7 +249,8 @@ class Path:
         """A sample that grows until ``stop`` holds: one forward recursion instead of a path per size."""
         from truemean.oracle.loops import Loop, sized_segment
 
-        loop = Loop.declare(self, law, colour, stop, _size(start, 1), _size(step, 1), _size(most, 1), _size(parts, 1))
+        sizes = {"start": start, "step": step, "most": most, "parts": parts}
+        loop = Loop.declare(self, law, colour, stop, *(_size(n, 1, name) for name, n in sizes.items()))
         sample = self.sample(law, [], colour)
         sample.segments += [sized_segment(sample, part) for part in range(loop.parts)]
         sample.loop = loop
@@ -299,17 +302,19 @@ def _constant(node: Quantity) -> Fraction | None:
     return Evaluator(Block((), 1)).column(node).fractions()[0]
 
 
-def _size(n: Any, least: int) -> int | Quantity:
+def _size(n: Any, least: int, name: str = "n") -> int | Quantity:
     if type(n) is int and n >= least:
         return n
+    if isinstance(n, bool):
+        raise InputTypeError(f"{name}={n!r} is a truth value: give an integer of at least {least}")
     if isinstance(n, Quantity):
         fixed = _constant(n)
         if fixed is None:
             return n
         n = fixed
-    number = exact_number(n, "n")
+    number = exact_number(n, name)
     if number.denominator != 1 or number < least:
-        raise InputError(f"n={short_text(number)} is not a sample size: give a whole number from {least} up")
+        raise InputError(f"{name}={short_text(number)} is not a sample size: give an integer of at least {least}")
     return int(number)
 
 

@@ -33,7 +33,9 @@ class Plan:
             if name in RESERVED:
                 raise PlanError(f"parameter {name!r} of plan {self.name!r} is reserved for derive(): rename it")
             if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
-                raise PlanError(f"plan {self.name!r} takes *{name}: name its parameters, so that they can be checked")
+                raise PlanError(
+                    f"plan {self.name!r} takes {parameter}: name its parameters, so that they can be checked"
+                )
         if self.undefined not in ("error", "nan"):
             raise InputError(f"undefined={self.undefined!r} of plan {self.name!r}: write 'error' or 'nan'")
 

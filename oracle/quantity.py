@@ -369,7 +369,7 @@ def combine(op: str, left: Any, right: Any) -> Any:
 def _compare(op: str, left: Any, right: Any) -> Any:
     if isinstance(right, Vector):
         return by_channel(lambda a, b: _compare(op, quantity(a), b), left, right)
-    if right is None:
+    if right is None and op in ("==", "!="):
         return NotImplemented
     right = quantity(right)
     if _is_zero(right) and left.op == "stat":

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from truemean.errors import InputError, PlanError
+from truemean.errors import InputError, InputTypeError, PlanError
 from truemean.oracle.columns import Ints, NotRational
 from truemean.oracle.enclose import enclosures
 from truemean.oracle.evaluate import Evaluator, leaves
@@ -155,6 +155,8 @@ def simulate(plan: Any, X: Pixel, *, runs: int = 100_000, seed: int = 0, **param
         raise InputError(f"runs={runs!r}: give the number of replicates, an integer >= 0")
     if isinstance(seed, bool) or not isinstance(seed, int):
         raise InputError(f"seed={seed!r} is not an integer")
+    if not isinstance(X, Pixel):
+        raise InputTypeError(f"X={X!r} (type={type(X).__name__}) is not a Pixel: write Pixel({{0: '7/8', 1: '1/8'}})")
     return replicates(as_plan(plan), X, np.arange(runs, dtype=np.uint64), seed, params)[0]
 
 
@@ -268,7 +270,10 @@ class Sampled:
     def _interval(self, x: NDArray[np.float64], low: float, high: float) -> Interval:
         """Maurer & Pontil 2009, Theorem 4, both sides."""
         if x.min() < low or x.max() > high:
-            raise PlanError(f"rows='sampled' needs estimates within the pixel's values [{low}, {high}]; one is outside")
+            raise PlanError(
+                f"rows='sampled' needs estimates within the pixel's values [{low}, {high}], and one is outside: "
+                f"clamp it with np.clip, or enumerate with a larger rows="
+            )
         n, log = len(x), math.log(4 / (1 - self.confidence))
         half = math.sqrt(2 * x.var(ddof=1) * log / n) + 7 * (high - low) * log / (3 * (n - 1))
         return Interval(float(x.mean() - half), float(x.mean() + half), self.confidence)
@@ -276,6 +281,6 @@ class Sampled:
 
 def sampled(plan: Plan, pixel: Pixel, runs: int, seed: int, params: dict[str, Any]) -> Sampled:
     """`derive` with ``rows="sampled"``."""
-    if runs < 2:
-        raise InputError(f"runs={runs}: an interval needs at least 2 sampled rows")
+    if isinstance(runs, bool) or not isinstance(runs, int) or runs < 2:
+        raise InputError(f"runs={runs!r}: an interval needs at least 2 sampled rows")
     return Sampled(plan, pixel, *replicates(plan, pixel, np.arange(runs, dtype=np.uint64), seed, params))

@@ -35,7 +35,7 @@ def text(node: Any, side: bool = True, tight: int = 0) -> str:
         return f"({text(args[0])} {op} {text(args[1])})"
     if op == "not":
         return text(args[0], side=False)
-    if op in ("stat", "flat", "mean"):
+    if op in ("stat", "flat", "mean", "sum"):
         return str(args[0].describe(node))
     if op == "true mean":
         return "true mean" if args[0].name == "X" else f"true mean of {args[0].name}"
