@@ -99,12 +99,24 @@ class Exploration:
             )
 
     def law_of(self, pixel: Pixel) -> Law:
-        """The law of a pixel; equal pixels share it."""
+        """The law of a pixel; equal pixels share it, and it is open while weights are."""
         known = self.pixels.get(id(pixel))
         if known is None:
             key = (pixel.values, pixel.weights)
-            if key not in self.laws:
-                self.laws[key] = Law([v if isinstance(v, tuple) else (v,) for v in pixel.values], pixel.weights)
-                self.laws[key].open = self.weightless
-            known = self.pixels[id(pixel)] = (pixel, self.laws[key])
+            if pixel is self.pixel and not self.weightless:
+                known = (pixel, pixel.one_draw)
+            else:
+                known = (pixel, self.laws.setdefault(key, self._equal_law(pixel)))
+            self.pixels[id(pixel)] = known
         return known[1]
+
+    def _equal_law(self, pixel: Pixel) -> Law:
+        """The law of the plan's own pixel if it is the same; else a new one."""
+        whole = self.pixel
+        if pixel is not whole and (pixel.values, pixel.weights) == (whole.values, whole.weights):
+            return self.law_of(whole)
+        if not self.weightless:
+            return pixel.one_draw
+        law = Law([v if isinstance(v, tuple) else (v,) for v in pixel.values], pixel.weights)
+        law.open = True
+        return law

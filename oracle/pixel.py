@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from truemean.errors import InputError, InputTypeError, NeedsScene, PlanError
 from truemean.oracle.exact import exact_fraction, exact_number, exact_weight, short_text
+from truemean.oracle.law import Law
 
 __all__ = ["Geometry", "Pixel", "Value"]
 
@@ -137,6 +138,11 @@ class Pixel:
         """Largest value minus smallest, over all channels; 1 for a constant pixel."""
         flat = [v for value in self.values for v in (value if isinstance(value, tuple) else (value,))]
         return (max(flat) - min(flat)) or Fraction(1)
+
+    @cached_property
+    def one_draw(self) -> Law:
+        """The law of one draw, as the engine uses it."""
+        return Law([v if isinstance(v, tuple) else (v,) for v in self.values], self.weights)
 
     def arrays(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """``(values [k] or [k, channels], weights [k])`` in float64."""
