@@ -149,7 +149,7 @@ def simulate(plan: Any, X: Pixel, *, runs: int = 100_000, seed: int = 0, **param
 
     >>> from truemean.oracle.plans import catalogue
     >>> simulate(catalogue["fixed"], Pixel.two("1/2"), runs=3, seed=1, n=2)
-    array([0.5, 0.5, 1. ])
+    array([1., 0., 0.])
     """
     if isinstance(runs, bool) or not isinstance(runs, int) or runs < 0:
         raise InputError(f"runs={runs!r}: give the number of replicates, an integer >= 0")
