@@ -67,7 +67,12 @@ def expected(scene: str = "fig5", n: int = 4) -> Figure:
     truth, unbiased, biased = map(found.array, (found.true_mean, found.unbiased, found.biased))
     figure, axes = panels(10, 4.4, 1, 3)
     figure.set_layout_engine("compressed")
-    grey: dict[str, Any] = {"cmap": "gray", "vmin": min(0, truth.min()), "vmax": max(1, truth.max()), "interpolation": "nearest"}
+    grey: dict[str, Any] = {
+        "cmap": "gray",
+        "vmin": min(0, truth.min()),
+        "vmax": max(1, truth.max()),
+        "interpolation": "nearest",
+    }
     axes[0].imshow(truth + unbiased, **grey)
     shown = axes[1].imshow(truth + biased, **grey)
     figure.colorbar(shown, ax=axes[:2], location="bottom", shrink=0.5, aspect=30, label="expected value E[ξ]")
