@@ -67,12 +67,12 @@ class Evaluator:
         return found
 
     def column(self, node: Node) -> Column:
-        """A rational quantity on every row, written out; undefined entries raise."""
+        """A rational quantity by row (one entry if it is constant); undefined entries raise."""
         value = self.value(node)
         if not isinstance(value, Column):
             raise NotRational(text(node))
         self._complain(value.undefined, node)
-        return value.spread(self.block.size)
+        return value
 
     def holds(self, decision: Node) -> Bools:
         """A decision on every row."""

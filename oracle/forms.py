@@ -41,8 +41,10 @@ class _Draft:
     def join(self, nodes: Iterable[Node], sample: Sample | None = None) -> None:
         """Bring what the nodes read, and a sample already observed, into one block."""
         asked = leaves(*nodes)
+        if not asked:
+            return
         self.rows, _ = self.path.observer.require(self.rows, asked)
-        if sample is not None and asked:
+        if sample is not None:
             self.rows, _ = self.path.observer.joined(self.rows, [sample, *(leaf.args[0] for leaf in asked)])
 
 
@@ -102,7 +104,8 @@ def _draft_sample(draft: _Draft, terms: list[tuple[Quantity, Quantity]], order: 
         raise Replay(sample.label)
     for leaf, coefficient in terms:
         span = leaf.args[1]
-        draft.path.observer.keep_versions(draft.rows, [leaf])
+        if entries:
+            draft.path.observer.keep_versions(draft.rows, [leaf])
         size = quantity(sample.size_of(*span))
         whole = coefficient if leaf.op == "mean" else times(coefficient, size)
         draft.truths.append(((sample.law, column), whole))

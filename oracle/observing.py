@@ -183,7 +183,7 @@ class Observer:
     def chances(self, block: Block, sample: Sample) -> list[Column]:
         """The probabilities of a choice by row, summing to 1."""
         evaluator = Evaluator(block, self.lenient)
-        columns = [evaluator.column(c) for c in sample.chances or []]
+        columns = [evaluator.column(c).spread(block.size) for c in sample.chances or []]
         total = sum(columns[1:], columns[0])
         if any((c.sign() < 0).any() for c in columns) or (total.sign() <= 0).any():
             raise PlanError(f"{sample.name} has a probability outside [0, 1] on some row: clamp it with np.clip")
@@ -202,7 +202,7 @@ class Observer:
 
     def sizes(self, block: Block, size: Quantity, sample: Sample) -> Ints:
         """The number of draws by row; PlanError where it is no integer >= 0."""
-        values = Evaluator(block, self.lenient).column(size).fractions()
+        values = Evaluator(block, self.lenient).column(size).spread(block.size).fractions()
         bad = next((v for v in values if v.denominator != 1 or v < 0), None)
         if bad is not None:
             raise PlanError(f"the size {text(size)} of {sample.name} is {bad} on a row: a size is an integer >= 0")
