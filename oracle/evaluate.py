@@ -249,7 +249,8 @@ def _integer(name: str) -> Callable[[Value], Value]:
     def operation(a: Value) -> Value:
         if isinstance(a, Surd):
             raise NotRational(f"{name} of a root")
-        return getattr(a, name)()  # type: ignore[no-any-return]
+        rounded: Value = getattr(a, name)()
+        return rounded
 
     return operation
 

@@ -131,12 +131,12 @@ class SubLaw(Law):
     @property
     def cost(self) -> Fraction:  # type: ignore[override]
         """Draws that the sub-estimate takes on average."""
-        return self._derivation.cost  # type: ignore[no-any-return]
+        return Fraction(self._derivation.cost)
 
     @property
     def oracle_calls(self) -> Fraction:  # type: ignore[override]
         """Oracle calls that it takes on average."""
-        return self._derivation.oracle_calls  # type: ignore[no-any-return]
+        return Fraction(self._derivation.oracle_calls)
 
     @cached_property
     def _full(self) -> Law:
@@ -155,7 +155,10 @@ class SubLaw(Law):
         return self._full.lattice(column)
 
     def mean(self, column: int) -> Fraction:
-        return self._derivation.expectation[column] if self._colour else self._derivation.expectation  # type: ignore[no-any-return]
+        return self._of_channel(self._derivation.expectation, column)
 
     def variance(self, column: int) -> Fraction:
-        return self._derivation.variance[column] if self._colour else self._derivation.variance  # type: ignore[no-any-return]
+        return self._of_channel(self._derivation.variance, column)
+
+    def _of_channel(self, value: Any, column: int) -> Fraction:
+        return Fraction(value[column] if self._colour else value)

@@ -6,7 +6,7 @@ will do. One replicate per seed, and the same seed gives the same estimate.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Any, Protocol, runtime_checkable
 
@@ -17,7 +17,6 @@ from truemean.errors import InputTypeError
 
 __all__ = ["Estimator", "PixelLike", "as_estimator"]
 
-Scalar = Fraction
 Value = Fraction | tuple[Fraction, ...]
 
 
@@ -64,7 +63,9 @@ class _Function:
         return np.asarray(self.function(pixel, seeds))
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self.__dict__["function"], name)
+        if name == "function":  # not there yet while unpickling
+            raise AttributeError(name)
+        return getattr(self.function, name)
 
 
 def as_estimator(subject: Any) -> Any:
@@ -81,7 +82,3 @@ def as_estimator(subject: Any) -> Any:
         f"expected an estimator (an object with run(pixel, seeds), or a function of these two) "
         f"but got subject={subject!r} (type={type(subject).__name__})"
     )
-
-
-Params = Mapping[str, Any]
-Seeds = Sequence[int]
