@@ -62,13 +62,33 @@ class Law:
         unit = math.lcm(*(v.denominator for atom in atoms for v in atom))
         pairs = [(atom, weight) for atom, weight in zip(atoms, weights, strict=True) if weight]
         pairs.sort(key=lambda pair: [v.numerator * (unit // v.denominator) for v in pair[0]])
-        self.name, self.cost, self.oracle_calls = name, cost, oracle_calls
-        self.weights: tuple[Fraction, ...] = tuple(weight for _, weight in pairs)
-        self.values: tuple[Atom, ...] = tuple(atom for atom, _ in pairs)
+        self.name, self._cost, self._oracle_calls = name, cost, oracle_calls
+        self._weights: tuple[Fraction, ...] = tuple(weight for _, weight in pairs)
+        self._values: tuple[Atom, ...] = tuple(atom for atom, _ in pairs)
         self.channels = len(self.values[0])
         self.ratios: dict[Atom, Fraction] | None = None  # density ratios of a proposal
         self.open = False  # whether the weights only stand for others, to be given later
         self._lattices = [self._read_lattice(list(column)) for column in zip(*self.values, strict=True)]
+
+    @property
+    def values(self) -> tuple[Atom, ...]:
+        """The atoms in ascending order, tuples by column."""
+        return self._values
+
+    @property
+    def weights(self) -> tuple[Fraction, ...]:
+        """The weights of the atoms."""
+        return self._weights
+
+    @property
+    def cost(self) -> Fraction:
+        """What one draw costs, in draws."""
+        return self._cost
+
+    @property
+    def oracle_calls(self) -> Fraction:
+        """What one draw costs, in oracle calls."""
+        return self._oracle_calls
 
     @property
     def k(self) -> int:
@@ -129,12 +149,12 @@ class SubLaw(Law):
         self._colour = derivation.pixel.channels is not None
 
     @property
-    def cost(self) -> Fraction:  # type: ignore[override]
+    def cost(self) -> Fraction:
         """Draws that the sub-estimate takes on average."""
         return Fraction(self._derivation.cost)
 
     @property
-    def oracle_calls(self) -> Fraction:  # type: ignore[override]
+    def oracle_calls(self) -> Fraction:
         """Oracle calls that it takes on average."""
         return Fraction(self._derivation.oracle_calls)
 
@@ -144,11 +164,11 @@ class SubLaw(Law):
         return Law([v if self._colour else (v,) for v in law], list(law.values()), self.name)
 
     @property
-    def values(self) -> tuple[Atom, ...]:  # type: ignore[override]
+    def values(self) -> tuple[Atom, ...]:
         return self._full.values
 
     @property
-    def weights(self) -> tuple[Fraction, ...]:  # type: ignore[override]
+    def weights(self) -> tuple[Fraction, ...]:
         return self._full.weights
 
     def lattice(self, column: int) -> Lattice:

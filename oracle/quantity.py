@@ -279,7 +279,7 @@ class Vector(NumPyMixin):
     def __bool__(self) -> NoReturn:
         raise PlanError(f"the decision {self!r} has one answer per channel: write (...).all() or (...).any()")
 
-    __hash__ = None  # type: ignore[assignment]
+    __hash__ = None  # type: ignore[assignment]  # as for Node
 
     def __neg__(self) -> Vector:
         return Vector(-p for p in self.parts)

@@ -61,7 +61,7 @@ class DrawnTable(Table):
 class Sampler(Observer):
     """Draws instead of tables: every look at a sample gives each replicate its own draws."""
 
-    everybody = Sample(None, Law([(Fraction(0),)], [Fraction(1)]), ("replicates",), "replicates", [], False)  # type: ignore[arg-type]
+    everybody = Sample(None, Law([(Fraction(0),)], [Fraction(1)]), ("replicates",), "replicates", [], False)  # type: ignore[arg-type]  # of no path
 
     def __init__(self, observer: Observer, identity: NDArray[np.uint64], stream: int) -> None:
         super().__init__(observer.tables, observer.check_budget, observer.lenient)
@@ -250,22 +250,27 @@ class Sampled:
     @property
     def bias(self) -> Any:
         """E[xi] - I, by channel for colours."""
-        shifted = [
-            Interval(i.lower - float(t), i.upper - float(t), i.confidence) for i, t in zip(*self._both(), strict=True)
-        ]
-        return tuple(shifted) if self.pixel.channels else shifted[0]
+        mean = self.pixel.mean
+        truths = [float(m) for m in (mean if isinstance(mean, tuple) else (mean,))]
+        pairs = zip(self._intervals(), truths, strict=True)
+        return self._by_channel([Interval(i.lower - t, i.upper - t, i.confidence) for i, t in pairs])
 
     @property
     def expectation(self) -> Any:
         """E[xi], by channel for colours."""
-        found, _ = self._both()
-        return tuple(found) if self.pixel.channels else found[0]
+        return self._by_channel(self._intervals())
 
-    def _both(self) -> tuple[list[Interval], list[Any]]:
-        columns = self.estimates.reshape(len(self.estimates), -1).T
-        values = np.array(self.pixel.values, dtype=float).reshape(len(self.pixel.values), -1).T
-        means = self.pixel.mean if self.pixel.channels else (self.pixel.mean,)
-        return [self._interval(x, v.min(), v.max()) for x, v in zip(columns, values, strict=True)], list(means)  # type: ignore[arg-type]
+    def _intervals(self) -> list[Interval]:
+        values, _ = self.pixel.arrays()
+        columns = zip(self._columns(self.estimates), self._columns(values), strict=True)
+        return [self._interval(x, float(v.min()), float(v.max())) for x, v in columns]
+
+    @staticmethod
+    def _columns(array: NDArray[np.float64]) -> NDArray[np.float64]:
+        return array.reshape(len(array), -1).T
+
+    def _by_channel(self, found: list[Interval]) -> Any:
+        return tuple(found) if self.pixel.channels else found[0]
 
     def _interval(self, x: NDArray[np.float64], low: float, high: float) -> Interval:
         """Maurer & Pontil 2009, Theorem 4, both sides."""
