@@ -14,10 +14,12 @@ from truemean.errors import InputError, InputTypeError, UnknownName
 from truemean.oracle.batch import Batch
 from truemean.oracle.distribution import joined_law, observed
 from truemean.oracle.evaluate import check_closed
+from truemean.oracle.exact import is_symbolic
 from truemean.oracle.exploration import Exploration
 from truemean.oracle.features import Level
 from truemean.oracle.float64 import Approx, Float64, rounded
 from truemean.oracle.forms import prepare
+from truemean.oracle.formulas import formula
 from truemean.oracle.law import Law, SubLaw
 from truemean.oracle.moments import Form
 from truemean.oracle.observing import Replay
@@ -29,7 +31,7 @@ from truemean.oracle.rings import Exact, Ring
 __all__ = ["Derivation", "DerivedPath", "derive"]
 
 ROWS = 2_000_000
-_RINGS: dict[str, type[Exact | Float64]] = {"exact": Exact, "float64": Float64}
+_RINGS: dict[str, type[Exact | Float64]] = {"exact": Exact, "symbolic": Exact, "float64": Float64}
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,12 +46,20 @@ class DerivedPath:
 class Derivation:
     """Results of `derive`, each computed when first asked for, at the level that it needs.
 
-    Numbers are Fractions for ``arithmetic="exact"``, `Approx` for ``"float64"``; on colour pixels
-    ``expectation bias relative_bias variance mse`` and ``path.bias`` are tuples by channel.
+    Numbers are Fractions for ``arithmetic="exact"``, SymPy expressions for ``"symbolic"``, `Approx`
+    for ``"float64"``; on colour pixels ``expectation bias relative_bias variance mse`` and ``path.bias`` are tuples by channel.
     """
 
-    def __init__(self, plan: Plan, pixel: Pixel, ring: Ring, exploration: Exploration, rtol: float | None) -> None:
-        self.plan, self.pixel = plan, pixel
+    def __init__(
+        self,
+        plan: Plan,
+        pixel: Pixel,
+        ring: Ring,
+        exploration: Exploration,
+        rtol: float | None,
+        symbolic: bool = False,
+    ) -> None:
+        self.plan, self.pixel, self.symbolic = plan, pixel, symbolic
         self._ring, self._exploration, self._rtol = ring, exploration, rtol
 
     # -- results -----------------------------------------------------------------------------
@@ -57,56 +67,55 @@ class Derivation:
     @cached_property
     def bias(self) -> Any:
         """E[xi] - I, summed over the paths and never formed as a difference."""
-        forms = self._forms
-        return self._result("bias", [self._total([f.mean(self._ring) for f in by_path], by_path) for by_path in forms])
+        return self._result("bias", self._biases)
 
     @cached_property
     def expectation(self) -> Any:
         """E[xi]."""
-        biases, truths = self._channels(self.bias), self._truths
-        return self._result("expectation", [b + t for b, t in zip(biases, truths, strict=True)])
+        return self._result("expectation", [b + t for b, t in zip(self._biases, self._truths, strict=True)])
 
     @cached_property
     def relative_bias(self) -> Any:
         """Bias divided by the true mean; InputError where that is 0."""
         if not self._exploration.weightless and not all(self._law.mean(c) for c in range(self._law.channels)):
             raise InputError("relative_bias has no meaning at true mean 0: use bias")
-        biases, truths = self._channels(self.bias), self._truths
-        return self._result("relative_bias", [b / t for b, t in zip(biases, truths, strict=True)])
+        return self._result("relative_bias", [b / t for b, t in zip(self._biases, self._truths, strict=True)])
 
     @cached_property
     def mse(self) -> Any:
         """E[(xi - I)^2]."""
-        forms = self._by_channel(self._beyond(self._forms_of(2)))
-        return self._result("mse", [self._total([f.moments(self._ring, 2)[2] for f in fs], fs) for fs in forms])
+        return self._result("mse", self._mses)
 
     @cached_property
     def variance(self) -> Any:
         """E[(xi - E[xi])^2]."""
-        pairs = zip(self._channels(self.mse), self._channels(self.bias), strict=True)
+        pairs = zip(self._mses, self._biases, strict=True)
         return self._result("variance", [mse - bias * bias for mse, bias in pairs])
 
     @cached_property
     def cost(self) -> Any:
         """E[number of samples drawn], those of sub-estimates included."""
         forms = self._beyond(lambda p: prepare(p, p.cost, None, 1))
-        return self._held("cost", self._total([f.mean(self._ring) for f in forms], forms))
+        return self._held("cost", self._finished(self._total([f.mean(self._ring) for f in forms], forms)))
 
     @cached_property
     def oracle_calls(self) -> Any:
         """E[number of true_mean() calls]."""
         paths = [p for p in self._exploration.paths if p.calls]
         calls = [self._ring.number(p.calls) * p.rows.probability(self._ring) for p in paths]
-        return self._held("oracle_calls", self._total(calls, []))
+        return self._held("oracle_calls", self._finished(self._total(calls, [])))
 
     def distribution(self) -> dict[Any, Any]:
-        """The law of xi: ``{value: probability}``, values ascending, exact.
+        """The law of xi: ``{value: probability}``, exact; values ascend where they are numbers.
 
         >>> derive(lambda X: X.draw(2).mean(), Pixel.two("1/2")).distribution()[Fraction(1, 2)]
         Fraction(1, 2)
         """
         check_closed(self._law, "its whole law")
-        return joined_law(self._beyond(observed), self._ring, self._exploration.lenient, self._colour)
+        law = joined_law(self._beyond(observed), self._ring, self._exploration.lenient, self._colour)
+        if not self.symbolic:
+            return law
+        return {self._finished(value): self._finished(probability) for value, probability in law.items()}
 
     @cached_property
     def paths(self) -> tuple[DerivedPath, ...]:
@@ -148,6 +157,8 @@ class Derivation:
             e, arithmetic = self._exploration, "exact" if isinstance(self._ring, Exact) else "float64"
             return derive(self.plan, pixel, arithmetic=arithmetic, rtol=self._rtol, rows=e.budget, **e.params)
         pixel = self.pixel
+        if self.symbolic:
+            raise InputError(f"{self!r} is a formula: use .lambdify() for arrays of numbers")
         if pixel.regions:
             raise InputError("the pixel has regions, so its weights don't say it all: derive it for each pixel")
         array = _checked_weights(weights, len(pixel.values))
@@ -174,7 +185,19 @@ class Derivation:
 
     @property
     def _truths(self) -> list[Any]:
-        return [self._finished(self._ring.mean(self._law, c)) for c in range(self._law.channels)]
+        return [self._ring.mean(self._law, c) for c in range(self._law.channels)]
+
+    @cached_property
+    def _biases(self) -> list[Any]:
+        """The bias by channel, in the ring's numbers."""
+        by_channel = [(forms, [form.mean(self._ring) for form in forms]) for forms in self._forms]
+        return [self._total(terms, forms) for forms, terms in by_channel]
+
+    @cached_property
+    def _mses(self) -> list[Any]:
+        """The mean squared error by channel, in the ring's numbers."""
+        forms = self._by_channel(self._beyond(self._forms_of(2)))
+        return [self._total([f.moments(self._ring, 2)[2] for f in fs], fs) for fs in forms]
 
     @cached_property
     def _forms(self) -> list[list[Form]]:
@@ -210,17 +233,17 @@ class Derivation:
         slack = max((form.slack for form in forms), default=Fraction(0))
         if slack and isinstance(total, Approx):
             total = Approx(total.value, total.error + float(slack) * (1 + 1e-9))
-        return self._finished(total)
+        return total
 
     def _finished(self, value: Any) -> Any:
         """A number of the ring as the caller gets it."""
-        return value.reshape(self._ring.shape) if isinstance(self._ring, Batch) else value
+        if isinstance(self._ring, Batch):
+            return value.reshape(self._ring.shape)
+        return formula(value) if self.symbolic else value
 
     def _result(self, name: str, by_channel: list[Any]) -> Any:
-        return self._held(name, tuple(by_channel) if self._colour else by_channel[0])
-
-    def _channels(self, value: Any) -> list[Any]:
-        return list(value) if self._colour else [value]
+        finished = [self._finished(value) for value in by_channel]
+        return self._held(name, tuple(finished) if self._colour else finished[0])
 
     def _held(self, name: str, value: Any) -> Any:
         """The value, or the exact one rounded where floats can't hold the relative tolerance asked for."""
@@ -249,7 +272,7 @@ def derive(
     plan: Any,
     X: Pixel,
     *,
-    arithmetic: str = "exact",
+    arithmetic: str | None = None,
     rtol: float | None = None,
     rows: int | str = ROWS,
     runs: int = 100_000,
@@ -258,30 +281,40 @@ def derive(
 ) -> Any:
     """What a plan (or an undecorated function of X) is worth on a pixel, exactly.
 
-    ``arithmetic`` is ``"exact"`` (Fractions) or ``"float64"`` (`Approx` with an error bound, exact
-    where ``rtol`` can't be held otherwise); ``rows`` bounds what may be told apart, or is
+    ``arithmetic`` is ``"exact"`` (Fractions), ``"symbolic"`` (SymPy expressions, the default where a
+    symbol is in X or the parameters) or ``"float64"`` (`Approx` with an error bound, exact where
+    ``rtol`` can't be held otherwise); ``rows`` bounds what may be told apart, or is
     ``"sampled"`` for an interval from ``runs`` sampled rows. Raises PlanError and its kin.
 
     >>> from truemean.oracle.plans import catalogue
     >>> d = derive(catalogue["kirk-arvo"], Pixel({0: "7/8", 1: "1/8"}), n=4)
     >>> d.expectation, d.bias
     (Fraction(851, 16384), Fraction(-1197, 16384))
+    >>> from sympy import Symbol
+    >>> derive(catalogue["kirk-arvo"], Pixel.symbolic(2, values=(0, 1)), n=Symbol("n")).bias
+    -omega1**n*omega2 + omega2**n*(1 - omega2)
     """
     declared = as_plan(plan)
     if not isinstance(X, Pixel):
         raise InputTypeError(f"X={X!r} (type={type(X).__name__}) is not a Pixel: write Pixel({{0: '7/8', 1: '1/8'}})")
+    bound = declared.bind(params)
+    symbols = X.symbols.union(*(v.free_symbols for v in bound.values() if is_symbolic(v)))
+    arithmetic = arithmetic or ("symbolic" if symbols else "exact")
     if arithmetic not in _RINGS:
         raise UnknownName("arithmetic", str(arithmetic), _RINGS)
+    if symbols and (arithmetic != "symbolic" or rows == "sampled"):
+        named = ", ".join(sorted(map(str, symbols)))
+        raise InputError(f"{named} are symbols, so there is no number: give them values, or arithmetic='symbolic'")
     if rows == "sampled":
         from truemean.oracle.simulate import sampled
 
         return sampled(declared, X, runs, seed, params)
     if isinstance(rows, bool) or not isinstance(rows, int) or rows < 1:
         raise InputError(f"rows={rows!r}: give the largest number of rows allowed, or 'sampled'")
-    exploration = Exploration(declared.function, X, declared.bind(params), rows, declared.undefined == "nan")
+    exploration = Exploration(declared.function, X, bound, rows, declared.undefined == "nan")
     if rtol is not None and (arithmetic != "float64" or not isinstance(rtol, float | int) or not rtol > 0):
         raise InputError(f"rtol={rtol!r} is a positive relative tolerance for arithmetic='float64'")
-    found = Derivation(declared, X, _RINGS[arithmetic](), exploration, rtol)
+    found = Derivation(declared, X, _RINGS[arithmetic](), exploration, rtol, arithmetic == "symbolic")
     _ = exploration.paths  # errors of the plan show here, not at the first result
     return found
 

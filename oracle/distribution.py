@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import math
-from fractions import Fraction
+import operator
 from typing import Any
 
-from truemean.oracle.columns import Column, grouping, integers
+from truemean.oracle.columns import Column, grouping, integers, quotient
 from truemean.oracle.evaluate import Evaluator, leaves
 from truemean.oracle.linear import linear, per_draw
 from truemean.oracle.paths import Path
 from truemean.oracle.quantity import Quantity, constant
 from truemean.oracle.rings import Ring
 from truemean.oracle.rows import Block, Rows, product
+from truemean.oracle.symbols import Ratio
 
 __all__ = ["joined_law", "observed"]
 
-Key = tuple[int, ...]
+Key = tuple[Any, ...]
 Observed = tuple[Rows, list[list[Quantity]]]
 
 
@@ -27,6 +28,8 @@ def joined_law(by_path: list[Observed], ring: Ring, lenient: bool, colour: bool)
         for value, probability in _path_law(rows, values, ring, lenient).items():
             key = value if colour else value[0]
             law[key] = law[key] + probability if key in law else probability
+    if any(isinstance(x, Ratio) for value in law for x in (value if colour else (value,))):
+        return law
     return dict(sorted(law.items()))
 
 
@@ -61,9 +64,9 @@ def _path_law(rows: Rows, by_channel: list[list[Quantity]], ring: Ring, lenient:
             law = _convolved(law, block_law)
             unit *= scale
         else:
-            shift = [int((v * Column.constant(u)).fractions()[0]) for v, u in zip(values, units, strict=True)]
+            shift = [_whole((v * Column.constant(u)).fractions()[0]) for v, u in zip(values, units, strict=True)]
             law = {tuple(a + b for a, b in zip(k, shift, strict=True)): p for k, p in law.items()}
-    return {tuple(Fraction(k, u) for k, u in zip(key, units, strict=True)): _number(p, unit) for key, p in law.items()}
+    return {tuple(map(quotient, key, units)): _number(p, unit) for key, p in law.items()}
 
 
 def _block_value(evaluator: Evaluator, rows: Rows, terms: list[Quantity]) -> Column:
@@ -82,25 +85,25 @@ def _block_law(block: Block, values: list[Column], ring: Ring) -> tuple[dict[Key
     mass = product(moments)[0]
     if block.factor is not None:
         mass = mass.scale(block.factor)
-    keys = [integers(int(v) for v in column.num) if len(column.den) == 1 else _whole(column) for column in values]
+    keys = [integers(map(_whole, column.fractions())) for column in values]
     order, starts = grouping(keys)
     numbers, unit = mass[order].group(starts).numbers()
     first = order[starts]
     return dict(zip(zip(*(k[first].tolist() for k in keys), strict=True), numbers, strict=True)), unit
 
 
-def _whole(column: Column) -> Any:
-    return integers(int(v) for v in column.fractions())
+def _whole(value: Any) -> Any:
+    return value if isinstance(value, Ratio) else int(value)
 
 
 def _convolved(a: dict[Key, Any], b: dict[Key, Any]) -> dict[Key, Any]:
     law: dict[Key, Any] = {}
     for key_a, p in a.items():
         for key_b, q in b.items():
-            key = tuple(map(int.__add__, key_a, key_b))
+            key = tuple(map(operator.add, key_a, key_b))
             law[key] = law[key] + p * q if key in law else p * q
     return law
 
 
 def _number(numerator: Any, unit: int) -> Any:
-    return Fraction(numerator, unit) if isinstance(numerator, int) else numerator
+    return quotient(numerator, unit) if isinstance(numerator, int | Ratio) else numerator

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from flint import arb, ctx, fmpq
 
-from truemean.errors import UndecidedTie
-from truemean.oracle.columns import Column, NotRational, Surd
+from truemean.errors import NoClosedForm, UndecidedTie
+from truemean.oracle.columns import Column, NotRational, Surd, symbolic
 from truemean.oracle.quantity import Node, Quantity
 from truemean.oracle.wording import text
 
@@ -35,8 +35,8 @@ def signs(evaluator: Evaluator, left: Node, right: Node) -> tuple[Any, Any]:
     rows = evaluator.block.size
     found, undefined = np.zeros(rows, dtype=np.int64), np.zeros(rows, dtype=bool)
     open_rows = list(range(rows))
+    enclosures(evaluator, difference, bits := 64)  # complains first of what is no number
     separation = _separation(evaluator, difference)
-    bits = 64
     while open_rows:
         balls = enclosures(evaluator, difference, bits)
         threshold = arb(2) ** -separation if separation is not None else None
@@ -101,6 +101,8 @@ class _Enclosing:
 
 def _from_value(value: Column | Surd) -> list[arb]:
     if isinstance(value, Column):
+        if symbolic(value.num):
+            raise NoClosedForm(f"{value.num[0]} is under several roots or in a function: make its symbols numbers")
         return [arb(fmpq(int(a), int(b))) if b else arb("nan") for a, b in zip(*_parts(value), strict=True)]
     rational, factor, radicand = (_from_value(c) for c in (value.rational, value.factor, value.radicand))
     rows = max(map(len, (rational, factor, radicand)))

@@ -8,27 +8,18 @@ from typing import Any
 import numpy as np
 
 from truemean.errors import PlanError, UndefinedValue
-from truemean.oracle.columns import Bools, Column, NotRational, Surd
+from truemean.oracle.columns import Column, NotRational, Surd, negation, symbolic, truths
 from truemean.oracle.exact import short_text
 from truemean.oracle.law import Law
 from truemean.oracle.quantity import Decision, Node, Quantity
 from truemean.oracle.rows import Block
 from truemean.oracle.statistics import Observed, flat, statistic
+from truemean.oracle.symbols import HOLDS
 from truemean.oracle.wording import text
 
 __all__ = ["Evaluator", "check_closed", "leaves", "row_text"]
 
 Value = Column | Surd
-_HOLDS: dict[str, Callable[[Any], Any]] = {
-    "<": lambda s: s < 0,
-    "<=": lambda s: s <= 0,
-    ">": lambda s: s > 0,
-    ">=": lambda s: s >= 0,
-    "==": lambda s: s == 0,
-    "!=": lambda s: s != 0,
-}
-
-
 def leaves(*nodes: Node) -> list[Node]:
     """The statistics that expressions look at, each once, in the order met."""
     found: dict[int, Node] = {}
@@ -74,8 +65,8 @@ class Evaluator:
         self._complain(value.undefined, node)
         return value
 
-    def holds(self, decision: Node) -> Bools:
-        """A decision on every row."""
+    def holds(self, decision: Node) -> Any:
+        """A decision on every row: booleans, or 0/1 Ratios where a symbol decides it."""
         return np.broadcast_to(self._once(decision, self._holds), (self.block.size,))
 
     def _once(self, node: Node, function: Callable[[Any], Any]) -> Any:
@@ -110,7 +101,7 @@ class Evaluator:
     def _where(self, node: Quantity) -> Value:
         condition, yes, no = node.args
         mask = self.holds(condition)
-        if mask.all() or not mask.any():
+        if not symbolic(mask) and (mask.all() or not mask.any()):
             return self.value(yes if mask.all() else no)
         a, b = self.value(yes), self.value(no)
         if isinstance(a, Column) and isinstance(b, Column):
@@ -140,27 +131,34 @@ class Evaluator:
             holds, undefined = flat(node, self._observed(node))
             return self._decided(holds, undefined, node, otherwise=args[5] == "!=")
         if op == "not":
-            return ~self.holds(args[0])
+            return negation(self.holds(args[0]))
         if op in ("and", "or"):
             left, right = self.holds(args[0]), self.holds(args[1])
+            if symbolic(left) or symbolic(right):
+                both = left * right
+                return truths(both if op == "and" else left + right - both)
             return left & right if op == "and" else left | right
-        signs, undefined = self._signs(node)
-        return self._decided(_HOLDS[op](signs), undefined, node, otherwise=op == "!=")
+        holds, undefined = self._compared(node)
+        return self._decided(holds, undefined, node, otherwise=op == "!=")
 
-    def _signs(self, node: Decision) -> tuple[Any, Any]:
+    def _compared(self, node: Decision) -> tuple[Any, Any]:
+        """``(holds, undefined)`` of a comparison."""
         left, right = node.args
         try:
             difference = _plus(self.value(left), _minus(self.value(right)))
-            return difference.sign(), difference.undefined
+            return difference.holds(node.op), difference.undefined
         except NotRational:
             from truemean.oracle.enclose import signs
 
-            return signs(self, left, right)
+            found, undefined = signs(self, left, right)
+            return HOLDS[node.op](found), undefined
 
     def _decided(self, holds: Any, undefined: Any, node: Node, otherwise: bool) -> Any:
         if not self.lenient:
             self._complain(undefined, node)
-        return np.where(undefined, otherwise, holds) if undefined.any() else holds
+        if not undefined.any():
+            return holds
+        return truths(np.where(undefined, otherwise, holds)) if symbolic(holds) else np.where(undefined, otherwise, holds)
 
     def _complain(self, undefined: Any, node: Node) -> None:
         if undefined.any():
@@ -241,7 +239,7 @@ def _extreme(a: Value, b: Value, sign: int) -> Value:
     difference = _plus(a, _minus(b))
     if not (isinstance(a, Column) and isinstance(b, Column) and isinstance(difference, Column)):
         raise NotRational("an extreme of roots")
-    chosen = a.where(sign * difference.sign() <= 0, b)
+    chosen = a.where(difference.holds("<=" if sign > 0 else ">="), b)
     return Column(chosen.num, np.where(difference.undefined, 0, chosen.den))
 
 

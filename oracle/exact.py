@@ -10,9 +10,9 @@ from typing import Any
 
 from flint import fmpq
 
-from truemean.errors import InputError, InputTypeError
+from truemean.errors import AssumptionError, InputError, InputTypeError
 
-__all__ = ["exact_fraction", "exact_number", "exact_text", "exact_weight", "short_text"]
+__all__ = ["exact_fraction", "exact_number", "exact_or_symbolic", "exact_text", "exact_weight", "is_symbolic", "short_text"]
 
 _MOST_DIGITS = 100_000
 
@@ -49,22 +49,50 @@ def exact_number(value: Any, name: str = "value") -> Fraction:
     return Fraction(as_float)
 
 
-def short_text(value: Fraction, most: int = 48) -> str:
-    """``exact_text`` for a sentence: the middle of a long number is left out.
+def is_symbolic(value: Any) -> bool:
+    """Whether a number is a formula: a SymPy expression with symbols in it.
+
+    >>> from sympy import Symbol
+    >>> is_symbolic(Symbol("n") + 1), is_symbolic(2)
+    (True, False)
+    """
+    return bool(getattr(value, "free_symbols", None))
+
+
+def exact_or_symbolic(value: Any, name: str = "value") -> Any:
+    """A number as `exact_number` reads it; a formula in symbols stays as it is.
+
+    AssumptionError for a formula that is not real.
+    """
+    if not is_symbolic(value):
+        return exact_number(value, name)
+    if value.is_extended_real is False or value.is_finite is False:
+        raise AssumptionError(f"{name}={value} is not a real number: declare its symbols with real=True")
+    return value
+
+
+def short_text(value: Any, most: int = 48) -> str:
+    """``exact_text`` for a sentence: the middle of a long number is left out; a formula as it is.
 
     >>> short_text(Fraction(1, 3)), short_text(Fraction(10) ** 5000, most=9)
     ('1/3', '100...00')
     """
-    text = exact_text(value)
+    text = exact_text(value) if isinstance(value, Rational) else str(value)
     return text if len(text) <= most else f"{text[: most // 3]}...{text[-(most // 4) :]}"
 
 
-def exact_weight(value: Any, name: str = "weight") -> Fraction:
+def exact_weight(value: Any, name: str = "weight") -> Any:
     """``value`` as a weight in [0, 1]; a float is refused, because nobody means its binary value.
 
     >>> exact_weight("7/8")
     Fraction(7, 8)
     """
+    if is_symbolic(value):
+        if value.is_negative or value.is_extended_real is False:
+            raise AssumptionError(
+                f"{name}={value} can't be a coverage: declare its symbols with positive=True, or none of them"
+            )
+        return value
     if not isinstance(value, str | Integral | Rational | Decimal):
         hint = f"write {str(value)!r}" if _is_real(value) else "write an int, a Fraction or 'p/q'"
         raise InputTypeError(f"{name}={value!r} (type={type(value).__name__}) is not an exact weight: {hint}")
@@ -74,10 +102,10 @@ def exact_weight(value: Any, name: str = "weight") -> Fraction:
     return weight
 
 
-def exact_fraction(value: Any, name: str) -> Fraction:
+def exact_fraction(value: Any, name: str) -> Any:
     """A part of a whole: like `exact_weight` (floats taken as they stand), strictly between 0 and 1."""
-    part = exact_number(value, name)
-    if not 0 < part < 1:
+    part = exact_weight(value, name) if is_symbolic(value) else exact_number(value, name)
+    if not is_symbolic(part) and not 0 < part < 1:
         raise InputError(f"{name}={value!r} must lie strictly between 0 and 1")
     return part
 

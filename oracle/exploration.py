@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from truemean.errors import RowBudgetExceeded
+from truemean.errors import NoClosedForm, RowBudgetExceeded
 from truemean.oracle.features import Level
 from truemean.oracle.law import Law, SubLaw
 from truemean.oracle.observing import Observer, Replay
 from truemean.oracle.paths import Path, Pending, Point
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.rows import Rows
+from truemean.oracle.symbols import Field
 from truemean.oracle.tables import Table, power, rows_of
 
 __all__ = ["Exploration"]
@@ -31,9 +32,11 @@ class Exploration:
         lenient: bool,
         parent: Exploration | None = None,
         weightless: bool = False,
+        field: Field | None = None,
     ) -> None:
         self.function, self.pixel, self.params = function, pixel, params
         self.budget, self.lenient, self.weightless = budget, lenient, weightless
+        self.field: Field = field or (parent.field if parent else Field())
         self.laws: dict[Any, Law] = parent.laws if parent else {}
         self.pixels: dict[int, tuple[Pixel, Law]] = parent.pixels if parent else {}
         self.tables: dict[Any, Any] = parent.tables if parent else {}
@@ -81,11 +84,15 @@ class Exploration:
 
     # -- what paths share --------------------------------------------------------------------
 
-    def table(self, law: Law, n: int, wanted: Level, asked: str) -> Table:
+    def table(self, law: Law, n: Any, wanted: Level, asked: str) -> Table:
         """A table, made once; RowBudgetExceeded if it would have too many rows."""
         key = (law, n, wanted)
         if key not in self.tables:
-            self.check_budget(rows_of(law, n, wanted), f"{asked}: {n} draws of {law.k} values at level {wanted}")
+            try:
+                rows = rows_of(law, n, wanted)
+            except NoClosedForm as error:
+                raise NoClosedForm(f"{asked}: {error}") from None
+            self.check_budget(rows, f"{asked}: {n} draws of {law.k} values at level {wanted}")
             self.tables[key] = power(law, n, wanted)
         found: Table = self.tables[key]
         return found
@@ -104,7 +111,7 @@ class Exploration:
         if known is None:
             key = (pixel.values, pixel.weights)
             if pixel is self.pixel and not self.weightless:
-                known = (pixel, pixel.one_draw)
+                known = (pixel, self._one_draw(pixel))
             else:
                 known = (pixel, self.laws.setdefault(key, self._equal_law(pixel)))
             self.pixels[id(pixel)] = known
@@ -116,7 +123,14 @@ class Exploration:
         if pixel is not whole and (pixel.values, pixel.weights) == (whole.values, whole.weights):
             return self.law_of(whole)
         if not self.weightless:
-            return pixel.one_draw
+            return self._one_draw(pixel)
         law = Law([v if isinstance(v, tuple) else (v,) for v in pixel.values], pixel.weights)
         law.open = True
         return law
+
+    def _one_draw(self, pixel: Pixel) -> Law:
+        if not pixel.symbols:
+            return pixel.one_draw
+        from truemean.oracle.symbolic import SymbolicLaw
+
+        return SymbolicLaw(self.field, pixel.law, pixel.ordered)

@@ -14,7 +14,8 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
-from truemean.oracle.columns import Ints, integers
+from truemean.oracle.columns import Ints, integers, quotient
+from truemean.oracle.symbols import Ratio
 
 __all__ = ["Lattice", "Law", "SubLaw"]
 
@@ -28,20 +29,21 @@ class Lattice:
     base: Fraction
     step: Fraction
     e: Ints
-    masses: tuple[int, ...]
+    masses: tuple[Any, ...]
+    unit: int
 
     @cached_property
-    def mean(self) -> Fraction:
+    def mean(self) -> Any:
         """Base + step E[e]."""
-        return self.base + self.step * Fraction(self._moment(1), sum(self.masses))
+        return self.base + self.step * quotient(self._moment(1), self.unit)
 
     @cached_property
-    def variance(self) -> Fraction:
+    def variance(self) -> Any:
         """step^2 (E[e^2] - E[e]^2), in integers."""
-        unit, first = sum(self.masses), self._moment(1)
-        return self.step**2 * Fraction(unit * self._moment(2) - first * first, unit * unit)
+        unit, first = self.unit, self._moment(1)
+        return self.step**2 * quotient(unit * self._moment(2) - first * first, unit * unit)
 
-    def _moment(self, order: int) -> int:
+    def _moment(self, order: int) -> Any:
         return sum(mass * e**order for mass, e in zip(self.masses, self.e.tolist(), strict=True))
 
 
@@ -91,6 +93,21 @@ class Law:
         return self._oracle_calls
 
     @property
+    def symbolic(self) -> bool:
+        """Whether weights or values are formulas."""
+        return False
+
+    @property
+    def symbolic_values(self) -> bool:
+        """Whether values are formulas."""
+        return False
+
+    @property
+    def ordered(self) -> bool:
+        """Whether the atoms ascend, so that the lowest and highest seen are a window of them."""
+        return self.channels == 1
+
+    @property
     def k(self) -> int:
         """Number of atoms."""
         return len(self.values)
@@ -101,7 +118,7 @@ class Law:
         return math.lcm(*(w.denominator for w in self.weights))
 
     @cached_property
-    def masses(self) -> list[int]:
+    def masses(self) -> list[Any]:
         """Integer weights a_i = A omega_i."""
         return [int(w * self.unit) for w in self.weights]
 
@@ -114,13 +131,17 @@ class Law:
         lattice = self.lattice(column)
         return [lattice.base + lattice.step * int(e) for e in lattice.e]
 
-    def mean(self, column: int) -> Fraction:
+    def mean(self, column: int) -> Any:
         """The true mean of a column."""
         return self.lattice(column).mean
 
-    def variance(self, column: int) -> Fraction:
+    def variance(self, column: int) -> Any:
         """The variance of a column."""
         return self.lattice(column).variance
+
+    def ends(self, support: Ints) -> tuple[Ints, Ints]:
+        """Smallest and largest value of sets of atoms whose order is not known."""
+        raise AssertionError("the order of numbers is known")
 
     def add_column(self, values: Sequence[Fraction]) -> int:
         """Attach a further column; the same numbers get the same place."""
@@ -136,7 +157,7 @@ class Law:
         base = min(numbers)
         step = math.gcd(*(n - base for n in numbers)) or 1
         e = integers((n - base) // step for n in numbers)
-        return Lattice(Fraction(base, unit), Fraction(step, unit), e, tuple(self.masses))
+        return Lattice(Fraction(base, unit), Fraction(step, unit), e, tuple(self.masses), self.unit)
 
 
 class SubLaw(Law):
@@ -149,18 +170,22 @@ class SubLaw(Law):
         self._colour = derivation.pixel.channels is not None
 
     @property
-    def cost(self) -> Fraction:
+    def cost(self) -> Any:
         """Draws that the sub-estimate takes on average."""
-        return Fraction(self._derivation.cost)
+        return self._derivation.cost
 
     @property
-    def oracle_calls(self) -> Fraction:
+    def oracle_calls(self) -> Any:
         """Oracle calls that it takes on average."""
-        return Fraction(self._derivation.oracle_calls)
+        return self._derivation.oracle_calls
 
     @cached_property
     def _full(self) -> Law:
         law = self._derivation.distribution()
+        if any(isinstance(x, Ratio) for pair in law.items() for x in pair):
+            from truemean.oracle.symbolic import SymbolicLaw  # which is a law itself
+
+            return SymbolicLaw(next(x for pair in law.items() for x in pair if isinstance(x, Ratio)).field, law)
         return Law([v if self._colour else (v,) for v in law], list(law.values()), self.name)
 
     @property
@@ -174,11 +199,34 @@ class SubLaw(Law):
     def lattice(self, column: int) -> Lattice:
         return self._full.lattice(column)
 
-    def mean(self, column: int) -> Fraction:
+    @property
+    def symbolic(self) -> bool:
+        return self._full.symbolic
+
+    @property
+    def symbolic_values(self) -> bool:
+        return self._full.symbolic_values
+
+    @property
+    def ordered(self) -> bool:
+        return self._full.ordered
+
+    @cached_property
+    def unit(self) -> int:
+        return self._full.unit
+
+    @cached_property
+    def masses(self) -> list[Any]:
+        return self._full.masses
+
+    def ends(self, support: Ints) -> tuple[Ints, Ints]:
+        return self._full.ends(support)
+
+    def mean(self, column: int) -> Any:
         return self._of_channel(self._derivation.expectation, column)
 
-    def variance(self, column: int) -> Fraction:
+    def variance(self, column: int) -> Any:
         return self._of_channel(self._derivation.variance, column)
 
-    def _of_channel(self, value: Any, column: int) -> Fraction:
-        return Fraction(value[column] if self._colour else value)
+    def _of_channel(self, value: Any, column: int) -> Any:
+        return value[column] if self._colour else value

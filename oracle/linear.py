@@ -7,8 +7,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
 
+from truemean.oracle.assumptions import possible_signs
 from truemean.oracle.law import Law
 from truemean.oracle.quantity import Decision, Node, Quantity, constant, quantity
+from truemean.oracle.symbols import Ratio
 
 __all__ = ["ZERO", "Linear", "Truth", "added_up", "least", "linear", "per_draw", "plus", "times"]
 
@@ -99,10 +101,12 @@ def per_draw(leaf: Quantity, coefficient: Quantity) -> Quantity:
     if leaf.op == "sum":
         return coefficient
     size = quantity(leaf.args[0].size_of(*leaf.args[1]))
-    if coefficient.op == "const":
-        if not coefficient.args[0]:
-            return ZERO
-        return constant(coefficient.args[0] / size.args[0]) if size.op == "const" else Quantity("/", coefficient, size)
+    if coefficient.op == "const" and not coefficient.args[0]:
+        return ZERO
+    if coefficient.op == size.op == "const":
+        return constant(coefficient.args[0] / size.args[0])
+    if coefficient.op == "const" or least(size) >= 1:
+        return Quantity("/", coefficient, size)
     return Quantity("where", Decision("==", coefficient, ZERO), ZERO, Quantity("/", coefficient, size))
 
 
@@ -117,6 +121,8 @@ def added_up(nodes: Iterable[Quantity]) -> Quantity:
 def least(node: Node) -> Fraction | float:
     """A lower bound of a size that needs no rows; -inf where it may be no integer."""
     op, args = node.op, node.args
+    if op == "const" and isinstance(args[0], Ratio):
+        return 1 if possible_signs(args[0]) == {1} else -math.inf
     if op == "const":
         return Fraction(args[0]) if args[0].denominator == 1 else -math.inf
     if op in ("where", "min", "max", "+"):

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from truemean.errors import InputError, InputTypeError, PlanError, UndefinedValue
-from truemean.oracle.columns import Ints
+from truemean.errors import InputError, InputTypeError, NoClosedForm, PlanError, UndefinedValue
+from truemean.oracle.columns import Ints, symbolic
 from truemean.oracle.evaluate import Evaluator
 from truemean.oracle.features import Level
 from truemean.oracle.law import Law
 from truemean.oracle.quantity import CURRENT, Decision, Quantity, decision
-from truemean.oracle.rings import Ring
 from truemean.oracle.rows import Block, Entry
 from truemean.oracle.sample import Sample, Segment
 from truemean.oracle.tables import MonomialTable
+from truemean.oracle.wording import text
 
 if TYPE_CHECKING:
     from truemean.oracle.paths import Path
@@ -39,10 +39,11 @@ class Stopped(MonomialTable):
         self.law, self.level = law, Level({"counts"})
         self.sizes = counts.sum(axis=1)
         self.states = {"counts": counts}
-        self.orders, self.exponents = orders, exponents
+        self.orders, self._exponents = orders, exponents
 
-    def mass(self, ring: Ring) -> Any:
-        return ring.counted(self.orders, self.exponents, self.law)
+    @property
+    def exponents(self) -> Ints:
+        return self._exponents
 
 
 class _NoFork:
@@ -152,7 +153,10 @@ class Loop:
         one, zero = np.ones(len(counts), dtype=object), np.zeros_like(parts[0])
         index = np.arange(len(counts))
         entries = [Entry(self.view, p, p + 1, Stopped(self.law, c, one, zero), index) for p, c in enumerate(parts)]
-        return Evaluator(Block(tuple(entries), len(counts)), self.lenient).holds(self.asked)
+        holds = Evaluator(Block(tuple(entries), len(counts)), self.lenient).holds(self.asked)
+        if symbolic(holds):
+            raise NoClosedForm(f"X.draw_until stops by {text(self.asked)}, which a symbol decides: make it a number")
+        return holds
 
 
 def sized_segment(sample: Sample, part: int) -> Segment:

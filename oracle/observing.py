@@ -13,13 +13,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from truemean.errors import PlanError
-from truemean.oracle.columns import Column, Ints
+from truemean.oracle.assumptions import read_size
+from truemean.oracle.columns import Column, Ints, integers, symbolic
 from truemean.oracle.evaluate import Evaluator, leaves
 from truemean.oracle.features import Level, gives, level
 from truemean.oracle.quantity import Node, Quantity
 from truemean.oracle.rows import Block, Entry, Rows, StackedTable
 from truemean.oracle.sample import Sample
 from truemean.oracle.statistics import features_of
+from truemean.oracle.symbols import Ratio
 from truemean.oracle.tables import Table
 from truemean.oracle.wording import text
 
@@ -136,18 +138,22 @@ class Observer:
         """Bring segments of a sample into the rows, as a table of their total size."""
         size, wanted = sample.size_of(first, last), self.level_of(sample)
 
-        def tables(n: int, wanted: Level) -> Table:
+        def tables(n: Any, wanted: Level) -> Table:
             return sample.segments[first].tables(n, wanted, sample.name if why is None else text(why))
 
         if sample.chances is not None:
             return self._attach_choice(rows, sample, tables(1, wanted))
-        if isinstance(size, int):
+        if not isinstance(size, Quantity):
             block, table = rows.of(sample) or Block((), 1), tables(size, wanted)
             which, bounds = np.zeros(block.size, dtype=np.int64), [0, table.rows]
         else:
             rows, block = self._beside_size(rows, sample, size)
-            distinct, which = np.unique(self.sizes(block, size, sample), return_inverse=True)
-            stack = [tables(int(n), wanted) for n in distinct]
+            sizes = self.sizes(block, size, sample)
+            distinct = list(dict.fromkeys(sizes.tolist()))
+            which = np.array([distinct.index(n) for n in sizes.tolist()]) if symbolic(sizes) else None
+            if which is None:
+                distinct, which = np.unique(sizes, return_inverse=True)
+            stack = [tables(n if isinstance(n, Ratio) else int(n), wanted) for n in distinct]
             table, bounds = StackedTable(stack, wanted), [0, *np.cumsum([t.rows for t in stack])]
         pairs = self._pairs(block, which, bounds, sample, why)
         return rows.put((block,), block.extended(sample, first, last, table, pairs))
@@ -203,7 +209,7 @@ class Observer:
     def sizes(self, block: Block, size: Quantity, sample: Sample) -> Ints:
         """The number of draws by row; PlanError where it is no integer >= 0."""
         values = Evaluator(block, self.lenient).column(size).spread(block.size).fractions()
-        bad = next((v for v in values if v.denominator != 1 or v < 0), None)
+        bad = next((v for v in values if not isinstance(v, Ratio) and (v.denominator != 1 or v < 0)), None)
         if bad is not None:
             raise PlanError(f"the size {text(size)} of {sample.name} is {bad} on a row: a size is an integer >= 0")
-        return np.array([int(v) for v in values], dtype=np.int64)
+        return integers(read_size(v.field, v) if isinstance(v, Ratio) else int(v) for v in values)

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from truemean.errors import InputError, InputTypeError, NotDeterministic, PlanError, TruemeanError
+from truemean.oracle.assumptions import possible_signs, read, read_size
 from truemean.oracle.evaluate import Evaluator, check_closed, leaves
-from truemean.oracle.exact import exact_number, short_text
+from truemean.oracle.exact import exact_number, is_symbolic, short_text
 from truemean.oracle.features import Level
 from truemean.oracle.float64 import Float64
 from truemean.oracle.importance import proposal_law
@@ -28,6 +29,7 @@ from truemean.oracle.quantity import CURRENT, Decision, Node, Quantity, Vector, 
 from truemean.oracle.rings import Exact
 from truemean.oracle.rows import Block, Rows
 from truemean.oracle.sample import Sample, Segment
+from truemean.oracle.symbols import Ratio
 from truemean.oracle.tables import Table
 from truemean.oracle.wording import text
 
@@ -85,12 +87,13 @@ class Path:
         X = Population(self, self.exploration.pixel)
         token = CURRENT.set(self)
         try:
-            estimate = self.exploration.function(X, **self.exploration.params)
+            self.result = _estimate(self.exploration.function(X, **self.exploration.params), self.exploration.pixel)
         except TruemeanError:
             raise
         except RecursionError:
             raise PlanError("the plan calls itself without end: give the recursion a case that stops") from None
         except Exception as error:
+            _check_symbols(error, self.exploration.params)
             chance = self.rows.probability(Exact())
             place = (
                 f"on the path {self.text()}, which has probability {short_text(chance)}" if self.taken else "at once"
@@ -99,7 +102,6 @@ class Path:
             raise
         finally:
             CURRENT.reset(token)
-        self.result = _estimate(estimate, self.exploration.pixel)
         self._check_own(*self.result)
 
     def verify(self) -> None:
@@ -189,6 +191,10 @@ class Path:
             raise PlanError(f"int({asked!r}) would cut off {short_text(smallest)}: use np.floor or round first")
         return smallest
 
+    def symbol(self, expression: Any) -> Ratio:
+        """A formula that the plan computes with."""
+        return read(self.exploration.field, expression)
+
     # -- what a population asks --------------------------------------------------------------
 
     def check_alive(self, sample: Sample) -> None:
@@ -206,10 +212,22 @@ class Path:
     def segment(self, law: Law, n: Any, least: int) -> Segment:
         """Some draws: their number checked, or a quantity kept for later."""
 
-        def tables(size: int, wanted: Level, asked: str) -> Table:
+        def tables(size: Any, wanted: Level, asked: str) -> Table:
             return self.exploration.table(law, size, wanted, asked)
 
-        return Segment(_size(n, least), tables)
+        return Segment(self._size(n, least), tables)
+
+    def _size(self, n: Any, least: int) -> Any:
+        """A number of draws: an integer, a formula in symbols, or a quantity that differs by row."""
+        if not is_symbolic(n) and not isinstance(n, Ratio):
+            return _size(n, least)
+        size = read_size(self.exploration.field, n)
+        signs = possible_signs(size - least)
+        if signs == {-1}:
+            raise InputError(f"n={size} is less than {least} whatever its symbols: give at least {least} draws")
+        if -1 in signs:
+            self.exploration.field.require(f"{size} >= {least}")
+        return size
 
     def sample(self, law: Law, segments: list[Segment], colour: bool, name: str | None = None) -> Sample:
         """A new sample, known by its place in the tree of paths."""
@@ -318,6 +336,16 @@ def _size(n: Any, least: int, name: str = "n") -> int | Quantity:
     return int(number)
 
 
+def _check_symbols(error: Exception, params: dict[str, Any]) -> None:
+    """PlanError for what Python could not do with a symbol."""
+    symbols = [f"{name}={value}" for name, value in params.items() if is_symbolic(value)]
+    if symbols and isinstance(error, TypeError):
+        raise PlanError(
+            f"the plan needs a number where it has a symbol ({', '.join(symbols)}): {error}; make it concrete, "
+            f"or use X.draw(n) instead of a loop over range(n)"
+        ) from error
+
+
 def _estimate(result: Any, pixel: Pixel) -> tuple[Quantity, ...]:
     """The estimate by channel; PlanError if it is none."""
     if isinstance(result, Vector | tuple) and pixel.channels == len(result):
@@ -333,7 +361,7 @@ def _estimate(result: Any, pixel: Pixel) -> tuple[Quantity, ...]:
 def _number(part: Any) -> Quantity:
     if isinstance(part, Quantity):
         return part
-    if isinstance(part, Rational | float | np.integer | np.floating) and not isinstance(part, bool):
+    if is_symbolic(part) or isinstance(part, Rational | float | np.integer | np.floating | Ratio) and not isinstance(part, bool):
         return quantity(part)
     raise PlanError(f"the plan returned {part!r} (type={type(part).__name__}): return a number or a quantity")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, MutableMapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from types import MappingProxyType
@@ -12,13 +12,20 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from truemean.errors import InputError, InputTypeError, NeedsScene, PlanError
-from truemean.oracle.exact import exact_fraction, exact_number, exact_weight, short_text
+from truemean.errors import AssumptionError, InputError, InputTypeError, NeedsScene, PlanError
+from truemean.oracle.exact import (
+    exact_fraction,
+    exact_number,
+    exact_or_symbolic,
+    exact_weight,
+    is_symbolic,
+    short_text,
+)
 from truemean.oracle.law import Law
 
 __all__ = ["Geometry", "Pixel", "Value"]
 
-Value = Fraction | tuple[Fraction, ...]
+Value = Any  # a Fraction or a SymPy expression, or a tuple of Fractions for a colour
 
 
 class Geometry(Protocol):
@@ -38,8 +45,10 @@ class Pixel:
     """A finite population: values with weights that sum to 1 (Kirk & Arvo 1991, section 3).
 
     ``law`` maps value (a number, or a tuple of numbers for colours) to weight (int, Fraction,
-    ``"p/q"`` or decimal string). Raises InputError for weights that are negative or don't sum
-    to 1, InputTypeError for a float weight.
+    ``"p/q"`` or decimal string); both may be SymPy expressions with symbols. Raises InputError
+    for weights that are negative or don't sum to 1, InputTypeError for a float weight.
+    ``ordered`` says that values that are symbols ascend as declared, ``on_simplex`` that weights
+    that are symbols sum to 1 though they don't show it.
 
     >>> X = Pixel({0: "7/8", 1: "1/8"})
     >>> X.mean, X.variance
@@ -50,9 +59,11 @@ class Pixel:
     area: Fraction = Fraction(1)
     regions: Mapping[str, Pixel] = field(default_factory=lambda: MappingProxyType({}))
     geometry: Geometry | None = None
+    ordered: bool = False
+    on_simplex: bool = False
 
     def __post_init__(self) -> None:
-        merged = _read_law(self.law)
+        merged = _read_law(self.law, self.on_simplex)
         object.__setattr__(self, "law", MappingProxyType(merged))
         object.__setattr__(self, "area", exact_weight(self.area, "area"))
         if isinstance(self.regions, MutableMapping):
@@ -73,6 +84,31 @@ class Pixel:
         return cls({0: 1 - white, 1: white})
 
     @classmethod
+    def symbolic(cls, k: int, values: Any = None, weights: Any = None, ordered: bool = False) -> Pixel:
+        """Values I1..Ik and weights omega1..omegak, all symbols; ``values`` or ``weights`` make a part concrete.
+
+        Values are distinct, and ascend if ``ordered``; weights lie on the simplex (`simplex`).
+
+        >>> X = Pixel.symbolic(2, values=(0, 1))
+        >>> X.mean, X.simplex
+        (omega2, {omega2: 1 - omega1})
+        """
+        from sympy import Symbol
+
+        if isinstance(k, bool) or not isinstance(k, int) or k < 1:
+            raise InputError(f"k={k!r} is no number of values: give an integer of at least 1")
+        parts = {}
+        for name, given, letter in (("values", values, "I"), ("weights", weights, "omega")):
+            listed = [Symbol(f"{letter}{i}") for i in range(1, k + 1)] if given is None else list(given)
+            if len(listed) != k:
+                raise InputError(f"{name}={given!r} are {len(listed)}, but k={k}: give as many as there are values")
+            parts[name] = listed
+        read = [_read_value(v) for v in parts["values"]]
+        if len(set(read)) < k:
+            raise InputError(f"values={values!r} are not distinct: merge equal ones")
+        return cls(dict(zip(read, parts["weights"], strict=True)), ordered=ordered, on_simplex=True)
+
+    @classmethod
     def from_regions(cls, regions: Mapping[str, tuple[Any, Pixel]], geometry: Geometry | None = None) -> Pixel:
         """A pixel made of disjoint parts, ``name -> (area, part)``; areas sum to 1.
 
@@ -85,18 +121,19 @@ class Pixel:
             if not (isinstance(pair, tuple) and len(pair) == 2 and isinstance(pair[1], Pixel)):
                 raise InputTypeError(f"region {name!r}={pair!r}: write ('area', Pixel(...))")
             parts[name] = pair[1].with_area(exact_weight(pair[0], f"area of region {name!r}"))
-        total = sum((p.area for p in parts.values()), Fraction(0))
+        total = _expanded(sum((p.area for p in parts.values()), Fraction(0)))
         if total != 1:
             raise InputError(f"the areas of regions {', '.join(map(repr, parts))} sum to {total}, not to 1")
-        law: dict[Any, Fraction] = {}
+        law: dict[Any, Any] = {}
         for part in parts.values():
             for value, weight in part.law.items():
-                law[value] = law.get(value, Fraction(0)) + part.area * weight
-        return cls(law, regions=parts, geometry=geometry)
+                law[value] = _expanded(law.get(value, Fraction(0)) + part.area * weight)
+        on_simplex = any(part.on_simplex for part in parts.values())
+        return cls(law, regions=parts, geometry=geometry, on_simplex=on_simplex)
 
     def with_area(self, area: Any) -> Pixel:
         """The same population as a part of the given area of a larger one."""
-        return Pixel(self.law, exact_weight(area, "area"), self.regions, self.geometry)
+        return replace(self, area=exact_weight(area, "area"))
 
     # -- the population ----------------------------------------------------------------------
 
@@ -106,9 +143,27 @@ class Pixel:
         return tuple(self.law)
 
     @cached_property
-    def weights(self) -> tuple[Fraction, ...]:
+    def weights(self) -> tuple[Any, ...]:
         """omega_1..omega_k, in the order of ``values``."""
         return tuple(self.law.values())
+
+    @cached_property
+    def symbols(self) -> frozenset[Any]:
+        """The SymPy symbols in its values, weights and areas."""
+        if self.geometry is not None:  # a scene is made of numbers, and its parts have parts without end
+            return frozenset()
+        channels = [v for value in self.values for v in (value if isinstance(value, tuple) else (value,))]
+        own = [x.free_symbols for x in (*channels, *self.weights, self.area) if is_symbolic(x)]
+        return frozenset().union(*own, *(part.symbols for part in self.regions.values()))
+
+    @cached_property
+    def simplex(self) -> dict[Any, Any]:
+        """The substitution that says that the weights sum to 1, for the last weight that is a symbol; {} if they show it."""
+        missing = _expanded(1 - sum(self.weights, Fraction(0)))
+        if missing == 0:
+            return {}
+        last = next(w for w in reversed(self.weights) if getattr(w, "is_Symbol", False))
+        return {last: last + missing}
 
     @property
     def channels(self) -> int | None:
@@ -134,10 +189,19 @@ class Pixel:
         return variance
 
     @cached_property
-    def scale(self) -> Fraction:
+    def scale(self) -> Any:
         """Largest value minus smallest, over all channels; 1 for a constant pixel."""
         flat = [v for value in self.values for v in (value if isinstance(value, tuple) else (value,))]
+        if any(map(is_symbolic, flat)):
+            return self._symbolic_scale(flat)
         return (max(flat) - min(flat)) or Fraction(1)
+
+    def _symbolic_scale(self, flat: list[Any]) -> Any:
+        from sympy import Max, Min
+
+        if len(flat) == 1:
+            return Fraction(1)
+        return flat[-1] - flat[0] if self.ordered else Max(*flat) - Min(*flat)
 
     @cached_property
     def one_draw(self) -> Law:
@@ -146,6 +210,8 @@ class Pixel:
 
     def arrays(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """``(values [k] or [k, channels], weights [k])`` in float64."""
+        if self.symbols:
+            raise InputError(f"{self!r} has symbols, so it has no numbers: substitute {_listed(self.symbols)} first")
         return np.array(self.values, dtype=float), np.array(self.weights, dtype=float)
 
     # -- its parts ---------------------------------------------------------------------------
@@ -187,10 +253,10 @@ class Pixel:
         return tuple(function(column) for column in zip(*self.values, strict=True))
 
 
-def _read_law(law: Mapping[Any, Any]) -> dict[Value, Fraction]:
+def _read_law(law: Mapping[Any, Any], on_simplex: bool) -> dict[Value, Any]:
     if not isinstance(law, Mapping):
         raise InputTypeError(f"expected a mapping value -> weight but got {law!r} (type={type(law).__name__})")
-    merged: dict[Value, Fraction] = {}
+    merged: dict[Value, Any] = {}
     for raw, weight in law.items():
         value = _read_value(raw)
         merged[value] = merged.get(value, Fraction(0)) + exact_weight(weight, f"weight of {_text(value)}")
@@ -200,8 +266,11 @@ def _read_law(law: Mapping[Any, Any]) -> dict[Value, Fraction]:
         raise InputError(
             f"values {', '.join(map(_text, merged))} mix scalars and colours, or colours of different lengths"
         )
-    total = sum(merged.values())
-    if total != 1:
+    total = _expanded(sum(merged.values()))
+    if is_symbolic(total) or total != 1:
+        _check_simplex(merged, total, on_simplex)
+        if is_symbolic(total):
+            return merged
         way_out = f"add the missing {1 - total}" if total < 1 else f"take away {total - 1}"
         raise InputError(
             f"weights {', '.join(map(str, merged.values()))} sum to {total}, not to 1: {way_out}, or scale them"
@@ -209,15 +278,46 @@ def _read_law(law: Mapping[Any, Any]) -> dict[Value, Fraction]:
     return merged
 
 
+def _check_simplex(law: dict[Value, Any], total: Any, on_simplex: bool) -> None:
+    """Weights with symbols must be able to sum to 1, and be declared to."""
+    if not is_symbolic(total):
+        return
+    named = _listed(total.free_symbols)
+    if not on_simplex or not any(getattr(w, "is_Symbol", False) for w in law.values()):
+        raise AssumptionError(
+            f"weights {', '.join(map(str, law.values()))} sum to {total}, not to 1 for every {named}: "
+            f"write one of them as 1 minus the others, or use Pixel.symbolic(k, values=, weights=)"
+        )
+    left = 1 - sum((w for w in law.values() if not is_symbolic(w)), Fraction(0))
+    if left <= 0:
+        raise AssumptionError(
+            f"weights {', '.join(map(str, law.values()))} leave {left} for {named}: no positive weight fits there"
+        )
+
+
+def _expanded(value: Any) -> Any:
+    """A formula multiplied out, so that 1 - w + w is 1; a number as it is."""
+    if not is_symbolic(value):
+        return exact_number(value)
+    from sympy import expand
+
+    expanded = expand(value)
+    return expanded if is_symbolic(expanded) else exact_number(expanded)
+
+
+def _listed(symbols: Iterable[Any]) -> str:
+    return ", ".join(sorted(map(str, symbols)))
+
+
 def _read_value(raw: Any) -> Value:
     if isinstance(raw, tuple):
         if not raw:
             raise InputError("value=() has no channels: a colour is a tuple of numbers such as (1, 0, 0)")
         return tuple(exact_number(channel, "value") for channel in raw)
-    return exact_number(raw, "value")
+    return exact_or_symbolic(raw, "value")
 
 
-def _dot(weights: Iterable[Fraction], values: Iterable[Fraction]) -> Fraction:
+def _dot(weights: Iterable[Any], values: Iterable[Any]) -> Any:
     return sum((w * v for w, v in zip(weights, values, strict=True)), Fraction(0))
 
 

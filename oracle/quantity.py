@@ -17,7 +17,8 @@ from typing import Any, NoReturn, Protocol
 import numpy as np
 
 from truemean.errors import PlanError
-from truemean.oracle.exact import exact_number
+from truemean.oracle.exact import exact_number, is_symbolic
+from truemean.oracle.symbols import Ratio
 from truemean.oracle.wording import text
 
 __all__ = [
@@ -41,6 +42,8 @@ class Deciding(Protocol):
     def decide(self, decision: Decision) -> bool: ...
 
     def enumerate(self, quantity: Quantity) -> int: ...
+
+    def symbol(self, expression: Any) -> Ratio: ...
 
 
 CURRENT: ContextVar[Deciding | None] = ContextVar("truemean_path", default=None)
@@ -311,15 +314,22 @@ def quantity(value: Any) -> Quantity:
         return constant(value)
     if isinstance(value, Decision):
         return value.indicator()
+    if isinstance(value, Ratio):
+        return constant(value)
+    if is_symbolic(value):
+        return constant(_path(value).symbol(value))
     if isinstance(value, Number | str | np.generic) or hasattr(value, "numerator"):
         return constant(exact_number(value, "a number in the plan"))
     raise PlanError(f"{value!r} (type={type(value).__name__}) is not a number: use numbers and statistics of samples")
 
 
-def constant(value: Fraction | int) -> Quantity:
+def constant(value: Any) -> Quantity:
     """A node for an exact number."""
     node = Quantity.__new__(Quantity)
     node.op = "const"
+    if type(value) is Ratio:
+        node.args, node.key = (value,), hash(("const", value))
+        return node
     node.args = (value if type(value) is Fraction else Fraction(value),)
     node.key = hash(("const", 2 * value.numerator + 1, value.denominator))  # Python hashes -1 and -2 alike
     return node
@@ -349,7 +359,7 @@ def _numpy() -> Any:
     return ufuncs
 
 
-def _path(asked: Node) -> Deciding:
+def _path(asked: Any) -> Deciding:
     current = CURRENT.get()
     if current is None:
         raise PlanError(

@@ -4,7 +4,7 @@ A ring turns the weights of a law into vectors over rows. The tables only add an
 vectors and scale them by exact columns, so one code serves every number system:
 
 ==========  =====================================================================
-`Exact`     Python integers over one common denominator
+`Exact`     Python integers over one common denominator, or formulas (Ratios) over 1
 `Float64`   float64 with a running bound of the error
 `Batch`     float64 arrays with the pixels of an image as a second axis
 ==========  =====================================================================
@@ -21,8 +21,9 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from truemean.oracle.columns import Column, Ints
+from truemean.oracle.columns import Column, Ints, quotient
 from truemean.oracle.law import Law
+from truemean.oracle.symbols import Ratio
 
 __all__ = ["Exact", "Integers", "Ring", "Subsets", "Term", "Vector", "folded"]
 
@@ -34,7 +35,7 @@ class Vector(Protocol):
     def __getitem__(self, index: Any) -> Self: ...
     def __add__(self, other: Self) -> Self: ...
     def __mul__(self, other: Self) -> Self: ...
-    def __pow__(self, n: int) -> Self: ...
+    def __pow__(self, n: Any) -> Self: ...
 
     @abstractmethod
     def scale(self, column: Column) -> Self:
@@ -126,7 +127,10 @@ class Integers:
     def __mul__(self, other: Integers) -> Integers:
         return Integers(self.num * other.num, self.den * other.den)
 
-    def __pow__(self, n: int) -> Integers:
+    def __pow__(self, n: Any) -> Integers:
+        if isinstance(n, Ratio):
+            powers = [n.field.power(n.field.number(quotient(a, self.den)), n) for a in self.num]
+            return Integers(np.array(powers, dtype=object), 1)
         return Integers(self.num**n, self.den**n)
 
     def scale(self, column: Column) -> Integers:
@@ -136,8 +140,8 @@ class Integers:
     def group(self, starts: Ints) -> Integers:
         return Integers(np.add.reduceat(self.num, starts), self.den)
 
-    def sum(self) -> Fraction:
-        return Fraction(int(self.num.sum()) if len(self.num) else 0, self.den)
+    def sum(self) -> Any:
+        return quotient(self.num.sum() if len(self.num) else 0, self.den)
 
     def join(self, others: list[Integers]) -> Integers:
         den = math.lcm(self.den, *(v.den for v in others))
@@ -158,9 +162,13 @@ class Exact:
         scale = lattice.step.numerator**power
         atoms = [m * (unit * e - first) ** power * scale for m, e in zip(law.masses, lattice.e.tolist(), strict=True)]
         den = unit * (unit * lattice.step.denominator) ** power
-        return Integers(subsets.sums(np.array(atoms, dtype=object)), den)
+        found = subsets.sums(np.array(atoms, dtype=object))
+        if law.symbolic:  # whose weights sum to 1, though they need not show it
+            whole = (Fraction(1), Fraction(0), law.variance(column))[power] * den
+            found[subsets.members().all(axis=1)] = whole
+        return Integers(found, den)
 
-    def mean(self, law: Law, column: int) -> Fraction:
+    def mean(self, law: Law, column: int) -> Any:
         return law.mean(column)
 
     def combined(self, rest: Column, terms: list[Term]) -> Integers:
@@ -178,7 +186,7 @@ class Exact:
         most = int(top.max(initial=0))
         num = orders.astype(object)
         for mass, powers in zip([*law.masses, law.unit], [*exponents.T, most - top], strict=True):
-            if mass != 1:
+            if mass != 1 and most:
                 num = num * _powers(mass, most)[powers]
         return Integers(num, law.unit**most)
 
@@ -186,7 +194,7 @@ class Exact:
         return self.vector(sums - sizes * Column.constant(law.mean(column)))
 
 
-def _powers(base: int, most: int) -> Ints:
+def _powers(base: Any, most: int) -> Ints:
     powers = np.empty(most + 1, dtype=object)
     power = 1
     for exponent in range(most + 1):

@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from truemean.oracle.columns import Bools, Column, Ints, grouping, plus
+from truemean.oracle.columns import Column, Ints, grouping, plus, symbolic
 from truemean.oracle.features import Level
 from truemean.oracle.law import Law
 from truemean.oracle.rings import Ring
+from truemean.oracle.symbols import Ratio
 from truemean.oracle.tables import Table
 
 __all__ = ["Block", "Entry", "Rows", "StackedTable", "pool"]
@@ -139,8 +140,13 @@ class Rows:
             joint = joint.beside(block)
         return self.put(tuple(found), joint), joint
 
-    def split(self, block: Block, holds: Bools) -> tuple[Rows | None, Rows | None]:
-        """The rows where a decision holds and those where it doesn't; None where there are none."""
+    def split(self, block: Block, holds: Any) -> tuple[Rows | None, Rows | None]:
+        """The rows where a decision holds and those where it doesn't; None where there are none.
+
+        A row whose truth a symbol decides goes to both sides, times its condition or the negation.
+        """
+        if symbolic(holds):
+            return self._divided(block, holds), self._divided(block, 1 - holds)
         sides: list[Rows | None] = []
         for side in (holds, ~holds):
             index = np.flatnonzero(side)
@@ -148,6 +154,14 @@ class Rows:
             kept = self if whole else self.put((block,), block.select(index)) if len(index) else None
             sides.append(kept)
         return sides[0], sides[1]
+
+    def _divided(self, block: Block, share: Ints) -> Rows | None:
+        factor = Column.whole(share) if block.factor is None else block.factor * Column.whole(share)
+        possible = np.array([x.field.once(x) if isinstance(x, Ratio) else x for x in factor.spread(block.size).num])
+        index = np.flatnonzero(possible)
+        if not len(index):
+            return None
+        return self.put((block,), replace(block, factor=Column.whole(possible)).select(index))
 
 
 def stored(level: Level) -> list[str]:

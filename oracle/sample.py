@@ -18,6 +18,7 @@ from truemean.oracle.features import Level
 from truemean.oracle.importance import ratio_mean, weighted_columns
 from truemean.oracle.law import Law, SubLaw
 from truemean.oracle.quantity import Decision, Quantity, Vector, constant
+from truemean.oracle.symbols import Ratio
 from truemean.oracle.tables import Table
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Sample", "Segment"]
 
-Size = int | Quantity
+Size = int | Ratio | Quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class Segment:
     """Some draws made at once: their number, and who makes their table (``tables(size, level, asked by)``)."""
 
     size: Size
-    tables: Callable[[int, Level, str], Table]
+    tables: Callable[[Any, Level, str], Table]
 
 
 class Sample:
@@ -142,7 +143,8 @@ class Sample:
         size = self.size
         if isinstance(size, int):
             return size
-        raise PlanError(f"len({self.name}) depends on the row: use {self.name}.size")
+        what = "is a formula" if isinstance(size, Ratio) else "depends on the row"
+        raise PlanError(f"len({self.name}) {what}: use {self.name}.size")
 
     def __getitem__(self, index: int) -> Any:
         if isinstance(index, slice):
@@ -252,7 +254,7 @@ class _Function:
 def text_span(sample: Sample, span: tuple[int, int]) -> str:
     """How much of a sample a statistic speaks of, in words."""
     size = sample.size_of(*span)
-    return f"n = {size}" if isinstance(size, int) else f"stage {span[1]}"
+    return f"stage {span[1]}" if isinstance(size, Quantity) else f"n = {size}"
 
 
 def _policy(undefined: Any) -> Quantity | None:

@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from truemean.errors import PlanError
-from truemean.oracle.columns import Column, Ints, Surd, plus, times
+from truemean.errors import NoClosedForm, PlanError
+from truemean.oracle.assumptions import possible_signs
+from truemean.oracle.columns import Column, Ints, Surd, plus, symbolic, times
 from truemean.oracle.exact import exact_number
 from truemean.oracle.features import squares, total
-from truemean.oracle.law import Law
 from truemean.oracle.quantity import Node
 from truemean.oracle.rows import Entry, pool
+from truemean.oracle.symbols import Ratio
 
 __all__ = ["Observed", "features_of", "flat", "statistic"]
 
@@ -53,7 +54,7 @@ def features_of(leaf: Node) -> frozenset[str]:
     if name == "size":
         return frozenset()
     if name in ("min", "max", "range", "contrast"):
-        return frozenset({"extremes" if law.channels == 1 else "support"})
+        return frozenset({"extremes" if law.ordered else "support"})
     if name in ("variance", "std_error", "deviations"):
         return frozenset({total(column), squares(column)})
     if name == "custom":
@@ -75,13 +76,22 @@ def statistic(leaf: Node, seen: Observed) -> Column | Surd:
 
 def flat(leaf: Node, seen: Observed) -> tuple[Any, Any]:
     """``(holds, undefined)`` of the test for equal draws, in one channel or altogether."""
-    _, _, column, least, _, comparison = leaf.args
+    sample, _, column, least, _, comparison = leaf.args
     if column is None:
         holds = seen.state("flat") != -1
     else:
         low, high = _ends(seen, column)
         holds = low >= high
-    return (~holds if comparison in (">", "!=") else holds), seen.sizes < least
+    return (~holds if comparison in (">", "!=") else holds), _too_small(seen.sizes, least, sample)
+
+
+def _too_small(sizes: Ints, least: int, sample: Any) -> Ints:
+    """Where a sample has fewer draws than a statistic needs; a symbolic size is required to have enough."""
+    if not symbolic(sizes):
+        return sizes < least
+    for size in {n for n in sizes.tolist() if isinstance(n, Ratio) and possible_signs(n - least) & {-1}}:
+        size.field.require(f"{size} >= {least}")
+    return np.array([not isinstance(n, Ratio) and n < least for n in sizes])
 
 
 def _declared(value: Column | Surd, policy: Fraction) -> Column | Surd:
@@ -105,6 +115,8 @@ def _ends(seen: Observed, column: int) -> tuple[Ints, Ints]:
     """Smallest and largest lattice number seen of a column; the smallest is larger where nothing was."""
     law = seen.law
     e = law.lattice(column).e
+    if law.symbolic_values:
+        return _symbolic_ends(law, e, seen)
     above = np.append(e, [e.max() + 1, -1])
     if law.channels == 1 and column == 0:
         return above[seen.state("lowest")], above[seen.state("highest")]
@@ -115,6 +127,14 @@ def _ends(seen: Observed, column: int) -> tuple[Ints, Ints]:
         low = np.where(drawn, np.minimum(low, e[atom]), low)
         high = np.where(drawn, np.maximum(high, e[atom]), high)
     return low, high
+
+
+def _symbolic_ends(law: Any, e: Ints, seen: Observed) -> tuple[Ints, Ints]:
+    if not law.ordered:
+        ends: tuple[Ints, Ints] = law.ends(seen.state("support"))
+        return ends
+    padded = np.append(e, [0, 0])  # k and -1 stand for an empty sample, which has neither end
+    return padded[seen.state("lowest")], padded[seen.state("highest")]
 
 
 def _end(which: int) -> Callable[[Observed, int, Any], Column]:
@@ -166,15 +186,22 @@ def _item(seen: Observed, column: int, option: Any) -> Column:
 def _custom(seen: Observed, column: int, option: Any) -> Column:
     """Call the function once per distinct tuple of values."""
     law = seen.law
+    if law.symbolic_values and not (law.ordered or option.ordered):
+        raise NoClosedForm(f"statistic {option.name} takes the values in ascending order: give one, ordered=True")
     values = [v if law.channels > 1 else v[0] for v in law.values]
     states = seen.state("sequence" if option.ordered else "counts").tolist()
     known: dict[tuple[int, ...], Fraction] = {}
     for state in map(tuple, states):
         if state not in known:
             atoms = state if option.ordered else [i for i, count in enumerate(state) for _ in range(count)]
-            result = option.function(tuple(values[i] for i in atoms))
             try:
-                known[state] = exact_number(result, f"statistic {option.name}")
+                result = option.function(tuple(values[i] for i in atoms))
+            except TypeError as error:
+                if law.symbolic_values:
+                    raise NoClosedForm(f"statistic {option.name} compares symbols ({error}): make values numbers") from None
+                raise
+            try:
+                known[state] = result if isinstance(result, Ratio) else exact_number(result, f"statistic {option.name}")
             except ValueError as error:
                 raise PlanError(f"{error}; a statistic returns one number") from error
     return Column.of(known[tuple(state)] for state in states)

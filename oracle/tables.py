@@ -20,12 +20,14 @@ from typing import Any
 import numpy as np
 from flint import fmpz_mpoly_ctx
 
-from truemean.oracle.columns import Column, Ints, grouping, integers, largest, times
-from truemean.oracle.features import Level, gives, squares, total
+from truemean.errors import NoClosedForm
+from truemean.oracle.columns import Column, Ints, grouping, integers, largest, symbolic, times
+from truemean.oracle.features import IDEMPOTENT, Level, gives, squares, total
 from truemean.oracle.float64 import Float64, round_integers
 from truemean.oracle.law import Law
 from truemean.oracle.rings import Exact, Integers, Ring, Subsets
 from truemean.oracle.subsets import Family, family
+from truemean.oracle.symbolic import SymbolicLaw
 
 __all__ = ["CountTable", "LatticeTable", "PolynomialTable", "SequenceTable", "Table", "power", "rows_of"]
 
@@ -94,13 +96,13 @@ class Table(ABC):
 
 
 class LatticeTable(Table):
-    """Idempotent features only: closed forms W^n, whatever n."""
+    """Idempotent features only: closed forms W^n, whatever n, be it a symbol."""
 
-    def __init__(self, law: Law, n: int, wanted: Level) -> None:
+    def __init__(self, law: Law, n: Any, wanted: Level) -> None:
         (name,) = wanted
         self.law, self.n, self.level = law, n, wanted
-        self.family: Family = family(name, law.k, n)
-        self.sizes = np.full(self.family.rows, n, dtype=np.int64)
+        self.family: Family = family(name, law.k, n if isinstance(n, int) else law.k + 1)
+        self.sizes = np.full(self.family.rows, n, dtype=np.int64 if isinstance(n, int) else object)
         self.states = dict(self.family.states)
 
     def has_moments(self, column: int) -> bool:
@@ -130,7 +132,7 @@ class LatticeTable(Table):
             return (w ** (n - 1) * u).scale(Column.constant(n))
         v = ring.subset_sums(self.law, column, 2, subsets)
         second = (w ** (n - 1) * v).scale(Column.constant(n))
-        if n > 1:
+        if n != 1:
             second = second + (w ** (n - 2) * u**2).scale(Column.constant(n * (n - 1)))
         return second
 
@@ -171,8 +173,29 @@ class MonomialTable(Table):
 
     orders: Ints
 
+    @property
+    def exponents(self) -> Ints:
+        """The powers of the weights in the probability of each row."""
+        return self.state("counts")
+
     def mass(self, ring: Ring) -> Any:
-        return ring.counted(self.orders, self.state("counts"), self.law)
+        return ring.counted(self.orders, self.exponents, self.law)
+
+    def weigh(self, ring: Ring, column: int, order: int, factors: Column, index: Ints) -> Any:
+        """For symbolic weights: (S - n I)^order multiplied out, so that each power of I has one sum of monomials."""
+        num, den = factors.spread(len(index)).common()
+        law = self.law
+        if not isinstance(law, SymbolicLaw) or law.symbolic_values or symbolic(num):
+            return super().weigh(ring, column, order, factors, index)
+        lattice, sizes = law.lattice(column), self.sizes[index].astype(object)
+        scaled = num.astype(object) * self.orders[index]
+        sums = self.state(total(column))[index].astype(object) if order else sizes
+        gathered = ring.number(Fraction(0))
+        for j in range(order + 1):
+            part = law.monomials(self.exponents[index], scaled * sums ** (order - j) * sizes**j)
+            share = math.comb(order, j) * lattice.step ** (order - j) * (lattice.base - lattice.mean) ** j
+            gathered = gathered + part * share
+        return gathered * Fraction(1, den)
 
 
 class CountTable(MonomialTable):
@@ -196,8 +219,10 @@ class SequenceTable(MonomialTable):
         self.states = {"sequence": grid}
 
 
-def power(law: Law, n: int, wanted: Level) -> Table:
-    """The n-th power of a law at a level."""
+def power(law: Law, n: Any, wanted: Level) -> Table:
+    """The n-th power of a law at a level; NoClosedForm where a symbolic n has none."""
+    if not isinstance(n, int):
+        return LatticeTable(law, n, _closed(wanted, n) or Level({"flat"}))
     if "sequence" in wanted:
         return SequenceTable(law, n)
     if "counts" in wanted or n == 0 or _too_wide(law, n, wanted):
@@ -207,9 +232,22 @@ def power(law: Law, n: int, wanted: Level) -> Table:
     return LatticeTable(law, n, wanted or Level({"flat"}))
 
 
-def rows_of(law: Law, n: int, wanted: Level) -> int:
+def _closed(wanted: Level, n: Any) -> Level:
+    """A level that stays the same however many draws; NoClosedForm for any other."""
+    if wanted <= set(IDEMPOTENT):
+        return wanted
+    raise NoClosedForm(
+        f"level {wanted} has no closed form in n={n}: make {n} concrete, or decide on range, min, max, "
+        f"contrast or all_equal"
+    )
+
+
+def rows_of(law: Law, n: Any, wanted: Level) -> int:
     """How many rows a table will have, at most; asked before it is built."""
     k = law.k
+    if not isinstance(n, int):
+        _closed(wanted, n)
+        n = k + 1
     if "sequence" in wanted:
         return int(k**n)
     counts = math.comb(n + k - 1, k - 1)
@@ -253,7 +291,9 @@ def _exponents(law: Law, sums: list[str]) -> list[tuple[int, ...]]:
 
 
 def _too_wide(law: Law, n: int, wanted: Level) -> bool:
-    """Whether the exponents would outgrow the polynomials (values taken from binary floats do)."""
+    """Whether the exponents would outgrow the polynomials (values taken from binary floats do), or are formulas."""
+    if law.symbolic:
+        return any(f.startswith(("sum", "squares")) for f in wanted)
     for feature in wanted:
         if feature.startswith(("sum", "squares")):
             degree = 2 if feature.startswith("squares") else 1

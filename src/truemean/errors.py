@@ -7,6 +7,7 @@
     |   |-- InputTypeError (TypeError)     right place, wrong type
     |   |-- UnknownName (KeyError)         no such plan, parameter, adapter, pixel (nearest names given)
     |   |-- MissingExtra                   an optional package is not installed (says how to get it)
+    |   |-- AssumptionError                a symbol's assumptions contradict its use (says what to declare)
     |   |-- SceneError                     a scene or pixel file that can't be used
     |   |   `-- NeedsScene                 the plan asks for geometry, the pixel has none
     |   `-- PlanError                      the plan can't be derived as written
@@ -30,10 +31,12 @@ from difflib import get_close_matches
 from types import FrameType
 
 __all__ = [
+    "AssumptionError",
     "InputError",
     "InputTypeError",
     "MissingExtra",
     "NeedsScene",
+    "NoClosedForm",
     "NotDeterministic",
     "NotExact",
     "PlanError",
@@ -81,6 +84,10 @@ class MissingExtra(InputError):
     """An optional package is missing; the message holds the line that installs it."""
 
 
+class AssumptionError(InputError):
+    """A symbol is declared to be what it can't be here; the message says how to declare it."""
+
+
 class SceneError(InputError):
     """A scene or pixel file that can't be read or that describes nothing renderable."""
 
@@ -107,6 +114,10 @@ class UndecidedTie(PlanError):
 
 class NotExact(PlanError):
     """The estimate is irrational, so exact arithmetic can't return it: use another arithmetic."""
+
+
+class NoClosedForm(PlanError):
+    """A decision has no formula in the symbols left open: make one of them concrete."""
 
 
 class RowBudgetExceeded(PlanError):

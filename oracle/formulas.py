@@ -1,0 +1,152 @@
+"""Formulas: a Ratio as the SymPy expression that a reader would write.
+
+A result is a sum over powers W^n, each with its coefficient in lowest terms and factored where
+that is short; terms that hold under a condition are gathered in one Piecewise per condition.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from truemean.oracle.symbols import Field, Ratio
+
+__all__ = ["expression", "formula", "relation", "root_condition"]
+
+_MOST_FACTORED = 60  # terms of a polynomial that is still worth factoring
+Key = tuple[tuple[int, int], ...]
+
+
+def expression(ratio: Ratio) -> Any:
+    """The SymPy expression of a Ratio."""
+    import sympy
+
+    field = ratio.field
+    num, den = field.once(ratio).lifted()
+    groups: dict[tuple[Key, Key], dict[tuple[int, ...], int]] = {}
+    for powers, coefficient in num.to_dict().items():
+        conditions, exponentials, rest = _parted(field, powers)
+        groups.setdefault((conditions, exponentials), {})[rest] = int(coefficient)
+    by_condition: dict[Key, list[Any]] = {}
+    for (conditions, exponentials), terms in sorted(groups.items()):
+        part = Ratio.reduced(field, field.context.from_dict(terms), den)
+        product = sympy.Mul(_quotient(part), *(_meaning(field, i) ** e for i, e in exponentials))
+        by_condition.setdefault(conditions, []).append(product)
+    return sympy.Add(*(_where(field, conditions, sympy.Add(*terms)) for conditions, terms in by_condition.items()))
+
+
+def formula(number: Any) -> Any:
+    """A number of the engine as a SymPy expression."""
+    import sympy
+
+    if isinstance(number, tuple):
+        return tuple(map(formula, number))
+    if isinstance(number, Ratio):
+        return expression(number)
+    return sympy.Rational(int(number.numerator), int(number.denominator))
+
+
+def relation(difference: Ratio, op: str) -> Any:
+    """``difference op 0`` as a SymPy relation, what is a parameter on the right."""
+    import sympy
+
+    field = difference.field
+    if difference.den is not None and not difference.den.is_constant():
+        return getattr(sympy, _RELATIONS[op])(expression(difference), 0)
+    num, den = difference.lifted()
+    left: dict[tuple[int, ...], int] = {}
+    right: dict[tuple[int, ...], int] = {}
+    for powers, coefficient in num.to_dict().items():
+        kinds = {field.generators[i].kind for i, e in enumerate(powers) if e}
+        side = right if kinds and kinds <= {"symbol", "size"} else left
+        side[powers] = -int(coefficient) if side is right else int(coefficient)
+    a, b = (_quotient(Ratio.reduced(field, field.context.from_dict(terms), den)) for terms in (left, right))
+    if a.could_extract_minus_sign() or a == 0:
+        a, b, op = -a, -b, _FLIPPED[op]
+    return getattr(sympy, _RELATIONS[op])(a, b)
+
+
+def root_condition(a: Ratio, b: Ratio, c: Ratio, op: str) -> Any:
+    """``a + b sqrt(c) op 0`` as a SymPy relation, or a bool where SymPy knows it."""
+    import sympy
+
+    left, right = expression(b) * sympy.sqrt(expression(c)), -expression(a)
+    found = getattr(sympy, _RELATIONS[op])(left, right)
+    return bool(found) if found in (True, False) else found
+
+
+_RELATIONS = {"<": "Lt", "<=": "Le", ">": "Gt", ">=": "Ge", "==": "Eq", "!=": "Ne"}
+_FLIPPED = {"<": ">", "<=": ">=", "==": "=="}
+
+
+def _parted(field: Field, powers: tuple[int, ...]) -> tuple[Key, Key, tuple[int, ...]]:
+    """The conditions, the powers W^n, and the rest of a monomial."""
+    conditions, exponentials, rest = [], [], [0] * len(powers)
+    for place, exponent in enumerate(map(int, powers)):
+        if exponent:
+            kind = field.generators[place].kind
+            if kind == "condition":
+                conditions.append((place, 1))
+            elif kind == "power":
+                exponentials.append((place, exponent))
+            else:
+                rest[place] = exponent
+    return tuple(conditions), tuple(exponentials), tuple(rest)
+
+
+def _meaning(field: Field, place: int) -> Any:
+    """What stands behind a generator."""
+    import sympy
+
+    made = field.generators[place]
+    if made.kind == "condition":
+        return sympy.Piecewise((1, _condition(made.expression)), (0, True))
+    if made.kind == "power":
+        base, exponent = made.expression
+        return expression(base) ** expression(exponent)
+    return made.expression
+
+
+def _where(field: Field, conditions: Key, term: Any) -> Any:
+    import sympy
+
+    if not conditions:
+        return term
+    relations = [_condition(field.generators[place].expression) for place, _ in conditions]
+    return sympy.Piecewise((term, sympy.And(*relations)), (0, True))
+
+
+def _condition(made: tuple[Any, str]) -> Any:
+    """The relation behind a 0/1 generator."""
+    return made[0] if made[1] == "relation" else relation(*made)
+
+
+def _quotient(part: Ratio) -> Any:
+    num, den = part.lifted()
+    return _polynomial(part.field, num) / _polynomial(part.field, den)
+
+
+def _polynomial(field: Field, polynomial: Any) -> Any:
+    """A polynomial, factored where it is short."""
+    import sympy
+
+    if 1 < len(polynomial) <= _MOST_FACTORED:
+        content, factors = polynomial.factor()
+        odd = [i for i, (factor, times) in enumerate(factors) if len(factor) > 1 and int(times) % 2]
+        if int(content) < 0 and odd:  # ω (I - I_1) with its sign inside
+            content, flipped = -content, odd[-1]
+            factors[flipped] = (-factors[flipped][0], factors[flipped][1])
+        parts = [_expanded(field, factor.to_dict().items()) ** int(times) for factor, times in factors]
+        return sympy.Mul(sympy.Integer(int(content)), *parts, evaluate=len(parts) != 1 or int(content) == 1)
+    return _expanded(field, polynomial.to_dict().items())
+
+
+def _expanded(field: Field, terms: Iterable[tuple[tuple[int, ...], Any]]) -> Any:
+    import sympy
+
+    return sympy.Add(
+        *(
+            sympy.Mul(sympy.Integer(int(c)), *(_meaning(field, i) ** int(e) for i, e in enumerate(powers) if e))
+            for powers, c in terms
+        )
+    )
