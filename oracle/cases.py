@@ -7,26 +7,26 @@ formulas are equal objects.
 
 from __future__ import annotations
 
-import math
 import operator
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import Any
 
-import numpy as np
-
+from truemean.oracle.assumptions import read
 from truemean.oracle.evaluate import Evaluator, leaves
+from truemean.oracle.exact import is_symbolic
 from truemean.oracle.quantity import Decision, Node, Quantity, constant, quantity
 from truemean.oracle.rows import Block
-from truemean.oracle.stand_in import NoProof
+from truemean.oracle.stand_in import NoProof, fixed_value, is_fixed
 from truemean.oracle.symbols import Generator, Ratio
-from truemean.oracle.walk import Tree, fixed_value, is_fixed
+from truemean.oracle.walk import Tree
 from truemean.oracle.wording import text
 
-__all__ = ["Formulas", "Split", "bounds", "conditions", "each", "ratios", "restricted", "used_generators"]
+__all__ = ["Formulas", "Split", "conditions", "each", "ratios", "restricted", "used_generators"]
 
-_MOST_TERMS, _MOST_CONDITIONS, _MOST_POWER, _MOST_OPTIONS = 1_000, 8, 8, 8
+_MOST_TERMS, _MOST_CONDITIONS, _MOST_POWER, _MOST_OPTIONS = 1_000, 6, 8, 7
 _ARITHMETIC: dict[str, Callable[[Any, Any], Any]] = {
     "+": operator.add,
     "-": operator.sub,
@@ -111,6 +111,7 @@ class Formulas:
         self._numbers: dict[Any, int] = {}
         self._met: dict[int, tuple[Node, int]] = {}
         self._values: dict[int, Any] = {}
+        self._reads: dict[int, frozenset[int]] = {}
         self._behind: dict[int, frozenset[int]] = {}
 
     # -- what is looked at ---------------------------------------------------------------------
@@ -130,7 +131,10 @@ class Formulas:
 
     def reads(self, node: Node) -> frozenset[int]:
         """The draws that an expression looks at, directly or behind what it looks at."""
-        return frozenset().union(*map(self.behind, _draws_in(node)))
+        number = self.number(node)
+        if number not in self._reads:
+            self._reads[number] = frozenset().union(*map(self.behind, _draws_in(node)))
+        return self._reads[number]
 
     def looks_at(self, formula: Any) -> frozenset[int]:
         """The draws that the value of a formula depends on."""
@@ -185,7 +189,9 @@ class Formulas:
         """A quantity as a formula."""
         number = self.number(node)
         if number not in self._values:
-            self._values[number] = self._value(node)
+            self._values[number] = found = self._value(node)
+            if len(conditions(found)) > _MOST_CONDITIONS:
+                raise NoProof(f"the estimate depends on more than {_MOST_CONDITIONS} conditions of np.where")
         return self._values[number]
 
     def _value(self, node: Any) -> Any:
@@ -201,10 +207,7 @@ class Formulas:
         if op == "**" and (power := fixed_value(args[1])) is not None and abs(power) in range(_MOST_POWER + 1):
             return each(lambda base: base ** int(power), self.value(args[0]))
         if op == "where":
-            found = each(lambda c, a, b: a if c else b, self.truth(args[0]), *map(self.value, args[1:]))
-            if len(conditions(found)) > _MOST_CONDITIONS:
-                raise NoProof(f"the estimate depends on more than {_MOST_CONDITIONS} conditions of np.where")
-            return found
+            return each(lambda c, a, b: a if c else b, self.truth(args[0]), *map(self.value, args[1:]))
         return self._generator(("node", self.number(node)), text(node), self.reads(node))
 
     def _average(self, node: Node) -> Any:
@@ -254,6 +257,44 @@ class Formulas:
             self.tests[number] = test
         return Split(number, yes=True, no=False)
 
+    # -- areas ---------------------------------------------------------------------------------
+
+    def spread(self, ratio: Ratio) -> Ratio:
+        """The true mean of a region's last part is what the others leave of the region: so areas are compared."""
+        if not used_generators(ratio) & self._last.keys():
+            return ratio
+        num, den = map(self._evaluated, ratio.lifted())
+        return num / den
+
+    def _evaluated(self, polynomial: Any) -> Ratio:
+        field, total = self.field, self.field.number(0)
+        for powers, coefficient in polynomial.to_dict().items():
+            factors = [self._last.get(i) or Ratio(field, field.context.gen(i)) for i, e in enumerate(powers) if e]
+            term = field.number(int(coefficient))
+            for factor, power in zip(factors, filter(None, powers), strict=True):
+                term *= factor ** int(power)
+            total += term
+        return total
+
+    @cached_property
+    def _last(self) -> dict[int, Ratio]:
+        """The true means of last parts, by their generators, in terms of those of all other regions."""
+        found: dict[int, Ratio] = {}
+        for (whole, _), parts in self.tree.partitions.items():
+            *others, last = (self.true_mean(part.number) for part in parts)
+            *areas, rest = (self._area(part.area) for part in parts)
+            left = self.true_mean(whole)
+            left = found.get(self.place(left), left)
+            for area, mean in zip(areas, others, strict=True):
+                left -= area * mean
+            found[self.place(last)] = left / rest
+        return found
+
+    def _area(self, area: Any) -> Any:
+        if isinstance(area, Quantity):
+            return self.value(area)
+        return read(self.field, area) if is_symbolic(area) else self.field.number(area)
+
     # -- words ---------------------------------------------------------------------------------
 
     def say(self, formula: Any) -> str:
@@ -281,22 +322,6 @@ class Formulas:
 def used_generators(ratio: Ratio) -> set[int]:
     """The generators in a Ratio."""
     return {i for part in ratio.lifted() for i, degree in enumerate(part.degrees()) if degree > 0}
-
-
-def bounds(node: Any) -> tuple[Any, Any]:
-    """Numbers between which a quantity lies, as far as its form shows."""
-    op, args = node.op, node.args
-    if op == "const" and isinstance(args[0], Fraction):
-        return args[0], args[0]
-    if op in ("where", "min", "max", "+", "-"):
-        (a, b), (c, d) = map(bounds, args[-2:])
-        if op == "where":
-            return min(a, c), max(b, d)
-        if op in ("min", "max"):
-            chosen = {"min": min, "max": max}[op]
-            return chosen(a, c), chosen(b, d)
-        return (a + c, b + d) if op == "+" else (a - d, b - c)
-    return -math.inf, math.inf
 
 
 def _segments(node: Node) -> Any:

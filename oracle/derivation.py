@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from truemean.errors import InputError, InputTypeError, UnknownName
+from truemean.errors import InputError, InputTypeError, NoClosedForm, UnknownName
 from truemean.oracle.batch import Batch
 from truemean.oracle.distribution import joined_law, observed
 from truemean.oracle.evaluate import check_closed
@@ -27,6 +27,7 @@ from truemean.oracle.paths import Path
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.plan import Plan, as_plan
 from truemean.oracle.rings import Exact, Ring
+from truemean.oracle.symbols import Field
 
 __all__ = ["Derivation", "DerivedPath", "derive"]
 
@@ -67,29 +68,29 @@ class Derivation:
     @cached_property
     def bias(self) -> Any:
         """E[xi] - I, summed over the paths and never formed as a difference."""
-        return self._result("bias", self._biases)
+        return self._result("bias", self.biases)
 
     @cached_property
     def expectation(self) -> Any:
         """E[xi]."""
-        return self._result("expectation", [b + t for b, t in zip(self._biases, self._truths, strict=True)])
+        return self._result("expectation", [b + t for b, t in zip(self.biases, self._truths, strict=True)])
 
     @cached_property
     def relative_bias(self) -> Any:
         """Bias divided by the true mean; InputError where that is 0."""
-        if not self._exploration.weightless and not all(self._law.mean(c) for c in range(self._law.channels)):
+        if not self._exploration.weightless and not all(self.law.mean(c) for c in range(self.law.channels)):
             raise InputError("relative_bias has no meaning at true mean 0: use bias")
-        return self._result("relative_bias", [b / t for b, t in zip(self._biases, self._truths, strict=True)])
+        return self._result("relative_bias", [b / t for b, t in zip(self.biases, self._truths, strict=True)])
 
     @cached_property
     def mse(self) -> Any:
         """E[(xi - I)^2]."""
-        return self._result("mse", self._mses)
+        return self._result("mse", self.mean_squared_errors)
 
     @cached_property
     def variance(self) -> Any:
         """E[(xi - E[xi])^2]."""
-        pairs = zip(self._mses, self._biases, strict=True)
+        pairs = zip(self.mean_squared_errors, self.biases, strict=True)
         return self._result("variance", [mse - bias * bias for mse, bias in pairs])
 
     @cached_property
@@ -111,7 +112,9 @@ class Derivation:
         >>> derive(lambda X: X.draw(2).mean(), Pixel.two("1/2")).distribution()[Fraction(1, 2)]
         Fraction(1, 2)
         """
-        check_closed(self._law, "its whole law")
+        check_closed(self.law, "its whole law")
+        if self.law.indexed:
+            raise NoClosedForm(f"the law of xi for k={self.pixel.count} values has no formula: make k concrete")
         law = joined_law(self._beyond(observed), self._ring, self._exploration.lenient, self._colour)
         if not self.symbolic:
             return law
@@ -121,8 +124,9 @@ class Derivation:
     def paths(self) -> tuple[DerivedPath, ...]:
         """The decomposition of the bias by path; probabilities sum to 1, biases to the bias."""
         found = []
-        for path, *forms in zip(self._exploration.paths, *self._forms, strict=True):
-            bias = [self._finished(form.mean(self._ring)) for form in forms]
+        _ = self._forms  # which may look closer, and find other paths
+        for path, *biases in zip(self._exploration.paths, *self.path_biases, strict=True):
+            bias = [self._finished(b) for b in biases]
             probability = self._finished(path.rows.probability(self._ring))
             found.append(DerivedPath(tuple(path.decisions), probability, tuple(bias) if self._colour else bias[0]))
         return tuple(found)
@@ -176,8 +180,20 @@ class Derivation:
     # -- parts -------------------------------------------------------------------------------
 
     @property
-    def _law(self) -> Law:
+    def law(self) -> Law:
+        """The law of one draw, in the ring's numbers."""
         return self._exploration.law_of(self.pixel)
+
+    @property
+    def field(self) -> Field:
+        """The rational functions of the symbols that the numbers are made of."""
+        return self._exploration.field
+
+    @property
+    def decisions(self) -> list[list[str]]:
+        """What each path decided, in words."""
+        _ = self._forms
+        return [path.decisions for path in self._exploration.paths]
 
     @property
     def _colour(self) -> bool:
@@ -185,16 +201,20 @@ class Derivation:
 
     @property
     def _truths(self) -> list[Any]:
-        return [self._ring.mean(self._law, c) for c in range(self._law.channels)]
+        return [self._ring.mean(self.law, c) for c in range(self.law.channels)]
 
     @cached_property
-    def _biases(self) -> list[Any]:
+    def biases(self) -> list[Any]:
         """The bias by channel, in the ring's numbers."""
-        by_channel = [(forms, [form.mean(self._ring) for form in forms]) for forms in self._forms]
-        return [self._total(terms, forms) for forms, terms in by_channel]
+        return [self._total(*pair) for pair in zip(self.path_biases, self._forms, strict=True)]
 
     @cached_property
-    def _mses(self) -> list[Any]:
+    def path_biases(self) -> list[list[Any]]:
+        """What each path adds to the bias, by channel and path, in the ring's numbers."""
+        return [[form.mean(self._ring) for form in forms] for forms in self._forms]
+
+    @cached_property
+    def mean_squared_errors(self) -> list[Any]:
         """The mean squared error by channel, in the ring's numbers."""
         forms = self._by_channel(self._beyond(self._forms_of(2)))
         return [self._total([f.moments(self._ring, 2)[2] for f in fs], fs) for fs in forms]
@@ -206,7 +226,7 @@ class Derivation:
 
     def _forms_of(self, order: int) -> Callable[[Path], list[Form]]:
         """What makes the forms of a path by channel, good for moments up to an order."""
-        truths = [(self._law, channel) for channel in range(self._law.channels)]
+        truths = [(self.law, channel) for channel in range(self.law.channels)]
         approximate = not isinstance(self._ring, Exact)
         return lambda path: [prepare(path, path.result[t[1]], t, order, approximate) for t in truths]
 

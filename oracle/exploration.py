@@ -131,6 +131,10 @@ class Exploration:
     def _one_draw(self, pixel: Pixel) -> Law:
         if not pixel.symbols:
             return pixel.one_draw
+        if pixel.count is not None:
+            from truemean.oracle.indexed import IndexedLaw
+
+            return IndexedLaw(self.field, pixel.values[0], pixel.weights[0], pixel.count)
         from truemean.oracle.symbolic import SymbolicLaw
 
         return SymbolicLaw(self.field, pixel.law, pixel.ordered)

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from truemean.oracle.symbols import Field, Ratio
+from truemean.errors import NoClosedForm
+from truemean.oracle.symbols import Field, Generator, Ratio
 
-__all__ = ["expression", "formula", "relation", "root_condition"]
+__all__ = ["expression", "formula", "relation", "root_condition", "summed"]
 
 _MOST_FACTORED = 60  # terms of a polynomial that is still worth factoring
 Key = tuple[tuple[int, int], ...]
@@ -30,6 +31,9 @@ def expression(ratio: Ratio) -> Any:
     by_condition: dict[Key, list[Any]] = {}
     for (conditions, exponentials), terms in sorted(groups.items()):
         part = Ratio.reduced(field, field.context.from_dict(terms), den)
+        if field.index is not None:
+            by_condition.setdefault(conditions, []).append(_gathered(part))
+            continue
         product = sympy.Mul(_quotient(part), *(_meaning(field, i) ** e for i, e in exponentials))
         by_condition.setdefault(conditions, []).append(product)
     return sympy.Add(*(_where(field, conditions, sympy.Add(*terms)) for conditions, terms in by_condition.items()))
@@ -79,6 +83,77 @@ _RELATIONS = {"<": "Lt", "<=": "Le", ">": "Gt", ">=": "Ge", "==": "Eq", "!=": "N
 _FLIPPED = {"<": ">", "<=": ">=", "==": "=="}
 
 
+def summed(ratio: Ratio) -> Ratio:
+    """The sum over the index: each monomial in indexed generators becomes a generator of its own, Sum(...)."""
+    field = ratio.field
+    num, den = ratio.lifted()
+    total = field.number(0)
+    if any(_mentions_index(field, place) for place, degree in enumerate(den.degrees()) if degree):
+        raise NoClosedForm(f"{ratio} can't be summed over its index: make k concrete")
+    for powers, coefficient in num.to_dict().items():
+        inside = tuple((i, int(e)) for i, e in enumerate(powers) if e and _mentions_index(field, i))
+        outside = tuple(0 if _mentions_index(field, i) else int(e) for i, e in enumerate(powers))
+        part = Ratio(field, field.context.from_dict({outside: int(coefficient)}))
+        total = total + (part * _sum(field, inside) if inside else part)
+    return total / Ratio(field, den)
+
+
+def _sum(field: Field, inside: Key) -> Any:
+    if len(inside) == 1 and inside[0][1] == 1 and field.generators[inside[0][0]].kind == "weight index":
+        return 1
+    return field.generator(("sum", inside), Generator(inside, "sum"))
+
+
+def _gathered(part: Ratio) -> Any:
+    """A Ratio in sums over the index, sums of like powers brought under one Sum."""
+    import sympy
+
+    field = part.field
+    num, den = part.lifted()
+    bodies: dict[Key, list[Any]] = {}
+    others: dict[tuple[int, ...], int] = {}
+    for powers, coefficient in num.to_dict().items():
+        tails = [i for i, e in enumerate(powers) if e and _is_tail(field, i)]
+        if len(tails) != 1 or powers[tails[0]] > 1:
+            others[powers] = int(coefficient)
+            continue
+        inside = field.generators[tails[0]].expression
+        values = [(i, e) for i, e in inside if field.generators[i].kind == "index"]
+        rest = [(i, int(e)) for i, e in enumerate(powers) if e and i != tails[0]]
+        term = sympy.Mul(sympy.Integer(int(coefficient)), *(_meaning(field, i) ** e for i, e in [*values, *rest]))
+        bodies.setdefault(tuple(x for x in inside if x not in values), []).append(term)
+    sums = []
+    for like, terms in bodies.items():
+        content, body = sympy.Add(*terms).as_content_primitive()
+        powers = (_meaning(field, i) ** e for i, e in like)
+        sums.append(content * sympy.Sum(sympy.Mul(*powers, body), _limits(field)))
+    total = sympy.Add(*sums, _expanded(field, others.items()))
+    return sympy.Mul(total, 1 / _polynomial(field, den))
+
+
+def _limits(field: Field) -> tuple[Any, int, Any]:
+    return field.index[0], 1, field.index[1]
+
+
+def _is_tail(field: Field, place: int) -> bool:
+    """Whether a generator is a sum that is no moment of the pixel."""
+    made = field.generators[place] if place < len(field.generators) else None
+    if made is None or made.kind != "sum":
+        return False
+    return [e for i, e in made.expression if field.generators[i].kind != "index"] != [1] or any(
+        field.generators[i].kind == "power" for i, _ in made.expression
+    )
+
+
+def _mentions_index(field: Field, place: int) -> bool:
+    if place >= len(field.generators):
+        return False
+    made = field.generators[place]
+    if made.kind == "power":
+        return any(_mentions_index(field, i) for i in made.expression[0].places)
+    return made.kind in ("index", "weight index")
+
+
 def _parted(field: Field, powers: tuple[int, ...]) -> tuple[Key, Key, tuple[int, ...]]:
     """The conditions, the powers W^n, and the rest of a monomial."""
     conditions, exponentials, rest = [], [], [0] * len(powers)
@@ -101,6 +176,12 @@ def _meaning(field: Field, place: int) -> Any:
     made = field.generators[place]
     if made.kind == "condition":
         return sympy.Piecewise((1, _condition(made.expression)), (0, True))
+    if made.kind == "sum":
+        term = sympy.Mul(*(_meaning(field, i) ** e for i, e in made.expression))
+        if _is_tail(field, place):
+            return sympy.Sum(term, _limits(field))
+        j = sympy.Symbol("j", integer=True)  # a moment of the pixel may stand under a sum over i
+        return sympy.Sum(term.subs(field.index[0], j), (j, 1, field.index[1]))
     if made.kind == "power":
         base, exponent = made.expression
         return expression(base) ** expression(exponent)

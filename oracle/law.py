@@ -15,6 +15,7 @@ from functools import cached_property
 from typing import Any
 
 from truemean.oracle.columns import Ints, integers, quotient
+from truemean.oracle.subsets import Family, family
 from truemean.oracle.symbols import Ratio
 
 __all__ = ["Lattice", "Law", "SubLaw"]
@@ -35,15 +36,16 @@ class Lattice:
     @cached_property
     def mean(self) -> Any:
         """Base + step E[e]."""
-        return self.base + self.step * quotient(self._moment(1), self.unit)
+        return self.base + self.step * quotient(self.moment(1), self.unit)
 
     @cached_property
     def variance(self) -> Any:
         """step^2 (E[e^2] - E[e]^2), in integers."""
-        unit, first = self.unit, self._moment(1)
-        return self.step**2 * quotient(unit * self._moment(2) - first * first, unit * unit)
+        unit, first = self.unit, self.moment(1)
+        return self.step**2 * quotient(unit * self.moment(2) - first * first, unit * unit)
 
-    def _moment(self, order: int) -> Any:
+    def moment(self, order: int) -> Any:
+        """The sum of masses times e^order."""
         return sum(mass * e**order for mass, e in zip(self.masses, self.e.tolist(), strict=True))
 
 
@@ -103,6 +105,11 @@ class Law:
         return False
 
     @property
+    def indexed(self) -> bool:
+        """Whether one atom stands for all of a symbolic number."""
+        return False
+
+    @property
     def ordered(self) -> bool:
         """Whether the atoms ascend, so that the lowest and highest seen are a window of them."""
         return self.channels == 1
@@ -138,6 +145,16 @@ class Law:
     def variance(self, column: int) -> Any:
         """The variance of a column."""
         return self.lattice(column).variance
+
+    @property
+    def least_sign(self) -> int:
+        """The sign of the smallest value: 1, 0, or -1 where it may be negative."""
+        least = self.lattice(0).base
+        return (least > 0) - (least < 0)
+
+    def family(self, name: str, n: Any) -> Family:
+        """The subsets of the atoms that a feature of n draws needs."""
+        return family(name, self.k, n if isinstance(n, int) else self.k + 1)
 
     def ends(self, support: Ints) -> tuple[Ints, Ints]:
         """Smallest and largest value of sets of atoms whose order is not known."""
@@ -221,6 +238,9 @@ class SubLaw(Law):
 
     def ends(self, support: Ints) -> tuple[Ints, Ints]:
         return self._full.ends(support)
+
+    def family(self, name: str, n: Any) -> Family:
+        return self._full.family(name, n)
 
     def mean(self, column: int) -> Any:
         return self._of_channel(self._derivation.expectation, column)

@@ -47,7 +47,7 @@ class Pixel:
     ``law`` maps value (a number, or a tuple of numbers for colours) to weight (int, Fraction,
     ``"p/q"`` or decimal string); both may be SymPy expressions with symbols. Raises InputError
     for weights that are negative or don't sum to 1, InputTypeError for a float weight.
-    ``ordered`` says that values that are symbols ascend as declared, ``on_simplex`` that weights
+    ``count`` is k where that is a symbol, ``ordered`` says that values that are symbols ascend as declared, ``on_simplex`` that weights
     that are symbols sum to 1 though they don't show it.
 
     >>> X = Pixel({0: "7/8", 1: "1/8"})
@@ -61,9 +61,10 @@ class Pixel:
     geometry: Geometry | None = None
     ordered: bool = False
     on_simplex: bool = False
+    count: Any = None
 
     def __post_init__(self) -> None:
-        merged = _read_law(self.law, self.on_simplex)
+        merged = dict(self.law) if self.count is not None else _read_law(self.law, self.on_simplex)
         object.__setattr__(self, "law", MappingProxyType(merged))
         object.__setattr__(self, "area", exact_weight(self.area, "area"))
         if isinstance(self.regions, MutableMapping):
@@ -84,17 +85,23 @@ class Pixel:
         return cls({0: 1 - white, 1: white})
 
     @classmethod
-    def symbolic(cls, k: int, values: Any = None, weights: Any = None, ordered: bool = False) -> Pixel:
+    def symbolic(cls, k: Any, values: Any = None, weights: Any = None, ordered: bool = False) -> Pixel:
         """Values I1..Ik and weights omega1..omegak, all symbols; ``values`` or ``weights`` make a part concrete.
 
-        Values are distinct, and ascend if ``ordered``; weights lie on the simplex (`simplex`).
+        Values are distinct, and ascend if ``ordered``; weights lie on the simplex (`simplex`). With a symbol
+        for k they are the indexed families I[i] and omega[i], i = 1..k.
 
         >>> X = Pixel.symbolic(2, values=(0, 1))
         >>> X.mean, X.simplex
         (omega2, {omega2: 1 - omega1})
         """
-        from sympy import Symbol
+        from sympy import IndexedBase, Symbol
 
+        if is_symbolic(k):
+            if values is not None or weights is not None or ordered or not k.is_Symbol or k.is_positive is False:
+                raise AssumptionError(f"k={k}: a symbolic number of values is a positive integer, and all else is open")
+            i = Symbol("i", integer=True)
+            return cls({IndexedBase("I")[i]: IndexedBase("omega")[i]}, on_simplex=True, count=k)
         if isinstance(k, bool) or not isinstance(k, int) or k < 1:
             raise InputError(f"k={k!r} is no number of values: give an integer of at least 1")
         parts = {}
@@ -174,12 +181,23 @@ class Pixel:
     @cached_property
     def mean(self) -> Value:
         """The true mean I (Eq. 1), by channel for colours."""
+        if self.count is not None:
+            return self._summed(self.values[0])
         mean: Value = self._by_channel(lambda values: _dot(self.weights, values))
         return mean
+
+    def _summed(self, term: Any) -> Any:
+        from sympy import Sum, Symbol
+
+        (index,) = self.values[0].indices
+        j = Symbol("j", integer=True)
+        return Sum((self.weights[0] * term).subs(index, j), (j, 1, self.count))
 
     @cached_property
     def variance(self) -> Value:
         """Sum of omega_i (I_i - I)^2, by channel for colours."""
+        if self.count is not None:
+            return self._summed(self.values[0] ** 2) - self.mean**2
 
         def channel(values: tuple[Fraction, ...]) -> Fraction:
             mean = _dot(self.weights, values)

@@ -141,7 +141,8 @@ class Integers:
         return Integers(np.add.reduceat(self.num, starts), self.den)
 
     def sum(self) -> Any:
-        return quotient(self.num.sum() if len(self.num) else 0, self.den)
+        total = self.num.sum() if len(self.num) else 0
+        return quotient(total.total() if isinstance(total, Ratio) else total, self.den)
 
     def join(self, others: list[Integers]) -> Integers:
         den = math.lcm(self.den, *(v.den for v in others))
@@ -158,7 +159,7 @@ class Exact:
 
     def subset_sums(self, law: Law, column: int, power: int, subsets: Subsets) -> Integers:
         lattice, unit = law.lattice(column), law.unit
-        first = sum(mass * e for mass, e in zip(law.masses, lattice.e.tolist(), strict=True))
+        first = lattice.moment(1)
         scale = lattice.step.numerator**power
         atoms = [m * (unit * e - first) ** power * scale for m, e in zip(law.masses, lattice.e.tolist(), strict=True)]
         den = unit * (unit * lattice.step.denominator) ** power

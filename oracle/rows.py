@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from truemean.errors import NoClosedForm
 from truemean.oracle.columns import Column, Ints, grouping, plus, symbolic
 from truemean.oracle.features import Level
 from truemean.oracle.law import Law
@@ -65,6 +66,7 @@ class Block:
         """All pairs of joint rows of two independent blocks."""
         left = self.select(np.repeat(np.arange(self.size), other.size))
         right = other.select(np.tile(np.arange(other.size), self.size))
+        _check_indices(left.entries, right.entries)
         factors = [b.factor for b in (left, right) if b.factor is not None]
         product = factors[0] * factors[1] if len(factors) == 2 else factors[0] if factors else None
         return Block((*left.entries, *right.entries), left.size, product)
@@ -73,6 +75,8 @@ class Block:
         """Each joint row paired with the rows of a further table that go with it."""
         left, right = pairs
         wider = self.select(left)
+        if table.law.indexed:
+            _check_indices(wider.entries)
         return replace(wider, entries=(*wider.entries, Entry(sample, first, last, table, right)))
 
     def merged(self, sample: Any, level: Level) -> Block:
@@ -162,6 +166,13 @@ class Rows:
         if not len(index):
             return None
         return self.put((block,), replace(block, factor=Column.whole(possible)).select(index))
+
+
+def _check_indices(*sides: tuple[Entry, ...]) -> None:
+    """Two samples of k values, k a symbol, would need two indices: NoClosedForm."""
+    named = [e.sample.name for entries in sides for e in entries if e.table.law.indexed]
+    if len(named) >= len(sides) and named:
+        raise NoClosedForm(f"{named[0]} is looked at together with other draws: make k, the number of values, concrete")
 
 
 def stored(level: Level) -> list[str]:

@@ -178,9 +178,8 @@ class Sample:
         if comparison not in ("<=", "==", ">", "!="):
             return None
         _, span, name, column, option = leaf.args
-        smallest = self.law.lattice(column).base
         option = option.args[0] if isinstance(option, Quantity) else option
-        if name == "contrast" and not (smallest > 0 or (option == 0 and smallest == 0)):
+        if name == "contrast" and self.law.least_sign < (0 if option == 0 else 1):
             return None
         if name not in ("range", "contrast", "variance", "std_error", "deviations") or option not in (None, 0):
             return None

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
-from truemean.errors import NeedsScene, UnknownName
-from truemean.oracle.exact import exact_fraction
+from truemean.errors import InputError, InputTypeError, NeedsScene, UnknownName
+from truemean.oracle.columns import NotRational
+from truemean.oracle.evaluate import Evaluator
+from truemean.oracle.exact import exact_fraction, exact_number, is_symbolic, short_text
 from truemean.oracle.law import Law
 from truemean.oracle.population import Population
 from truemean.oracle.quantity import CURRENT, Decision, Node, Quantity, constant, quantity
+from truemean.oracle.rows import Block
 from truemean.oracle.sample import Sample, Segment
 from truemean.oracle.scene import QUARTERS
+from truemean.oracle.symbols import Ratio
 from truemean.oracle.wording import text
 
 if TYPE_CHECKING:
@@ -27,7 +32,7 @@ class NoProof(BaseException):
 
     def __init__(self, words: str) -> None:
         super().__init__(words)
-        running = CURRENT.get()
+        running: Any = CURRENT.get()
         if hasattr(running, "refusal"):
             running.refusal = self
 
@@ -62,6 +67,30 @@ class Drawn:
         """What must be the same whenever it is drawn again."""
         keys = [node.key for node in self.looks]
         return self.name, self.kind, self.region, self.size if isinstance(self.size, int) else self.size.key, keys
+
+
+@dataclass(frozen=True, slots=True)
+class Test:
+    """A decision on a choice of the estimator alone: whether it is ``option``, of those that remain."""
+
+    choice: int
+    option: int
+    remaining: tuple[int, ...]
+
+
+class Place:
+    """A place in the tree of paths: what is drawn there, and then the decision or the estimate."""
+
+    __slots__ = ("asked", "draws", "estimate", "lacking", "sides", "test", "words")
+
+    def __init__(self) -> None:
+        self.draws: list[int] = []
+        self.asked: Decision | None = None
+        self.words = ("", "")
+        self.test: Test | None = None
+        self.sides: dict[bool, Place] = {}
+        self.estimate: Quantity | None = None
+        self.lacking = False  # the plan has no estimate here: it needs what such a pixel has not
 
 
 class AnyLaw(Law):
@@ -133,7 +162,7 @@ class StandIn(Population):
         return trail.sample(self._region.law, [trail.stretch(self._region.law, n, 1, name)], name)
 
     def draw_until(self, stop: Callable[..., Any], *, start: Any, step: Any = 1, most: Any, parts: int = 1) -> Sample:
-        return self._trail.loop(self._region.law, stop, parts)
+        return self._trail.loop(self._region.law, stop, start, step, most, parts)
 
     def from_(self, proposal: Any) -> NoReturn:
         raise NoProof(f"the plan draws from a proposal instead of {self.name}")
@@ -147,13 +176,13 @@ class StandIn(Population):
     def regions(self) -> Mapping[str, Population]:
         trail, given = self._trail, self._trail.tree.declared
         if given is not None and not self._region.number:
-            return _Declared(self, self._parted("declared", given, own=True))
+            return _Declared(trail, self._parted("declared", given, own=True))
         if trail.fact("scene", self._region.world):
-            return _Declared(self, self._parted("quadrants", dict.fromkeys(QUARTERS, Fraction(1, 4))))
+            return _Declared(trail, self._parted("quadrants", dict.fromkeys(QUARTERS, Fraction(1, 4))))
         if not trail.fact("regions", self._region.world):
-            return _Declared(self, {})
+            return _Declared(trail, {})
         area = Quantity("area", f"{self.name}.R")
-        return _Declared(self, self._parted("regions", {"R": area, "rest": 1 - area}, own=True))
+        return _Declared(trail, self._parted("regions", {"R": area, "rest": 1 - area}, own=True))
 
     def split(self, area: Any) -> tuple[Population, Population]:
         part = exact_fraction(area, "area")
@@ -185,17 +214,19 @@ class StandIn(Population):
         return Decision("==", chosen, constant(1))
 
     def pick(self, weights: Sequence[Any]) -> Quantity:
-        return self._trail.choice([quantity(w) for w in weights], f"X.pick({list(weights)})", normalise=True)
+        return self._trail.choice(
+            [quantity(w) for w in weights], f"X.pick([{', '.join(map(str, weights))}])", normalise=True
+        )
 
 
 class _Declared(Mapping[str, Population]):
-    def __init__(self, whole: StandIn, parts: Mapping[str, Population]) -> None:
-        self._whole, self._parts = whole, parts
+    def __init__(self, trail: Trail, parts: Mapping[str, Population]) -> None:
+        self._trail, self._parts = trail, parts
 
     def __getitem__(self, key: str) -> Population:
         if key not in self._parts:
             known = self._parts or ["(the pixel has no regions)"]
-            raise self._whole._trail.lacks(UnknownName("region", key, known))
+            raise self._trail.lacks(UnknownName("region", key, known))
         return self._parts[key]
 
     def __iter__(self) -> Iterator[str]:
@@ -203,3 +234,75 @@ class _Declared(Mapping[str, Population]):
 
     def __len__(self) -> int:
         return len(self._parts)
+
+
+# -- what an expression shows by its form ----------------------------------------------------------
+
+
+def is_fixed(node: Node) -> bool:
+    """Whether an expression is made of numbers only, so that it is the same on every pixel."""
+    if node.op == "const":
+        return not isinstance(node.args[0], Ratio)
+    if node.op in ("stat", "mean", "sum", "flat", "true mean", "area", "fact"):
+        return False
+    return all(is_fixed(a) for a in node.args if isinstance(a, Node))
+
+
+def fixed_value(node: Any) -> Fraction | None:
+    """The number that an expression is on every pixel; None if it depends."""
+    if not is_fixed(node):
+        return None
+    try:
+        return Fraction(Evaluator(Block((), 1)).column(node).fractions()[0])
+    except NotRational:
+        return None
+
+
+def checked_size(n: Any, least: int) -> int | Quantity:
+    if is_symbolic(n):
+        return quantity(n)
+    if isinstance(n, bool):
+        raise InputTypeError(f"n={n!r} is a truth value: give an integer of at least {least}")
+    if isinstance(n, Quantity):
+        fixed = fixed_value(n)
+        if fixed is None:
+            return n
+        n = fixed
+    number = exact_number(n, "n")
+    if number.denominator != 1 or number < least:
+        raise InputError(f"n={short_text(number)} is not a sample size: give an integer of at least {least}")
+    return int(number)
+
+
+def no_tables(*asked: Any) -> NoReturn:
+    raise NoProof(f"the plan looks at the rows of a sample at {asked}")
+
+
+def bounds(node: Any) -> tuple[Any, Any]:
+    """Numbers between which a quantity lies, as far as its form shows."""
+    op, args = node.op, node.args
+    if op == "const" and isinstance(args[0], Fraction):
+        return args[0], args[0]
+    if op in ("where", "min", "max", "+", "-"):
+        (a, b), (c, d) = map(bounds, args[-2:])
+        if op == "where":
+            return min(a, c), max(b, d)
+        if op in ("min", "max"):
+            chosen = {"min": min, "max": max}[op]
+            return chosen(a, c), chosen(b, d)
+        return (a + c, b + d) if op == "+" else (a - d, b - c)
+    return -math.inf, math.inf
+
+
+def world(path: tuple[tuple[Place, bool], ...]) -> set[str]:
+    """What kind of pixel a path is about, as far as the plan asked."""
+    facts: dict[int, dict[str, bool]] = {}
+    for place, side in path:
+        if place.asked is not None and place.asked.op == "fact":
+            kind, region = place.asked.args
+            facts.setdefault(region, {})[kind] = side
+    found = set()
+    for known in facts.values():
+        parted = {None: "without a scene", True: "of two regions R and rest", False: "without declared regions"}
+        found.add("of a scene" if known.get("scene") else parted[known.get("regions")])
+    return found

@@ -72,7 +72,7 @@ class Family:
     """
 
     rows: int
-    subsets: Windows | Masks
+    subsets: Any
     row: Ints
     subset: Ints
     sign: Ints
@@ -83,7 +83,7 @@ class Family:
         signed = values[self.subset].scale(Column.whole(self.sign).spread(len(self.sign)))
         return signed.group(np.searchsorted(self.row, np.arange(self.rows)))
 
-    def to_subsets(self, factors: Ints, index: Ints) -> tuple[Windows | Masks, Ints]:
+    def to_subsets(self, factors: Ints, index: Ints) -> tuple[Any, Ints]:
         """The transpose: factors on some rows as factors on the few subsets where they don't cancel."""
         by_row = np.zeros(self.rows, dtype=factors.dtype)
         by_row[index] = factors

@@ -39,9 +39,12 @@ class SymbolicLaw(Law):
         pairs = self._read(pairs, ordered) if formulas else sorted(pairs, key=lambda pair: pair[0])
         self._values = tuple(value for value, _ in pairs)
         self.channels = len(self._values[0])
-        self.masses = [declare_weight(field, weight) for _, weight in pairs]
+        self.masses = [self._mass(weight) for _, weight in pairs]
         self._weights = tuple(self.masses)
         self._lattices = [self._read_lattice(list(column)) for column in zip(*self._values, strict=True)]
+
+    def _mass(self, weight: Any) -> Ratio:
+        return declare_weight(self.field, weight)
 
     def _read(self, pairs: list[tuple[Any, Any]], ordered: bool) -> list[tuple[Any, Any]]:
         """Values as Ratios, brought into ascending order if it is known."""
@@ -70,6 +73,13 @@ class SymbolicLaw(Law):
         if not self.symbolic_values:
             return self.channels == 1
         return all(possible_signs(y - x) == {1} for (x,), (y,) in pairwise(self._values))
+
+    @property
+    def least_sign(self) -> int:
+        if not self.symbolic_values:
+            return super().least_sign
+        signs = frozenset().union(*(possible_signs(v) for (v,) in self._values))
+        return min(signs)
 
     def _read_lattice(self, values: list[Any]) -> Lattice:
         if not any(isinstance(v, Ratio) for v in values):

@@ -54,6 +54,7 @@ class Field:
     def __init__(self) -> None:
         self.generators: list[Generator] = []
         self.requirements: dict[str, None] = {}
+        self.index: Any = None  # (i, k) where the pixel has k values, k a symbol
         self._place: dict[Any, int] = {}
         self._widen(_FIRST_WIDTH)
 
@@ -294,6 +295,14 @@ class Ratio:
         if self.is_constant:
             return hash(self.constant)
         return hash((_sparse(self.num), None if self.den is None else _sparse(self.den)))
+
+    def total(self) -> Ratio:
+        """The sum over the index i of what mentions it; itself where there is no index."""
+        if self.field.index is None:
+            return self
+        from truemean.oracle.formulas import summed
+
+        return summed(self)
 
     @property
     def places(self) -> set[int]:

@@ -26,7 +26,7 @@ from truemean.oracle.features import IDEMPOTENT, Level, gives, squares, total
 from truemean.oracle.float64 import Float64, round_integers
 from truemean.oracle.law import Law
 from truemean.oracle.rings import Exact, Integers, Ring, Subsets
-from truemean.oracle.subsets import Family, family
+from truemean.oracle.subsets import Family
 from truemean.oracle.symbolic import SymbolicLaw
 
 __all__ = ["CountTable", "LatticeTable", "PolynomialTable", "SequenceTable", "Table", "power", "rows_of"]
@@ -101,7 +101,7 @@ class LatticeTable(Table):
     def __init__(self, law: Law, n: Any, wanted: Level) -> None:
         (name,) = wanted
         self.law, self.n, self.level = law, n, wanted
-        self.family: Family = family(name, law.k, n if isinstance(n, int) else law.k + 1)
+        self.family: Family = law.family(name, n)
         self.sizes = np.full(self.family.rows, n, dtype=np.int64 if isinstance(n, int) else object)
         self.states = dict(self.family.states)
 
@@ -144,7 +144,7 @@ class PolynomialTable(Table):
         self.law, self.level = law, wanted
         sums = sorted(f for f in wanted if f.startswith(("sum", "squares")))
         (name,) = [f for f in wanted if f not in sums] or ["all"]
-        shape = family(name, law.k, n)
+        shape = law.family(name, n)
         rows, exponents, numerators = _inverted(shape, n, _exponents(law, sums), law.masses)
         self.sizes = np.full(len(rows), n, dtype=np.int64)
         self.states = {key: values[rows] for key, values in shape.states.items() if wanted - set(sums)}

@@ -1,0 +1,59 @@
+"""Enclosures: two multi-precision numbers with the exact one between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+__all__ = ["Enclosure"]
+
+
+@dataclass(frozen=True, slots=True)
+class Enclosure:
+    """An interval of mpmath numbers that contains the exact number; a point where that is known.
+
+    >>> third = Enclosure.around(Fraction(1, 3), Fraction(1, 3), digits=5)
+    >>> Fraction(1, 3) in third, third
+    (True, Enclosure(0.3333333, 0.3333333))
+    """
+
+    lower: Any
+    upper: Any
+
+    @classmethod
+    def around(cls, low: Fraction, high: Fraction, digits: int) -> Enclosure:
+        """Bounds rounded outwards, with a few digits more than asked for."""
+        from mpmath import mp
+        from mpmath.libmp import dps_to_prec, from_rational
+
+        precision = dps_to_prec(digits + 3)
+        ends = ((low, "f"), (high, "c"))
+        bounds = [mp.make_mpf(from_rational(x.numerator, x.denominator, precision, way)) for x, way in ends]
+        return cls(*bounds)
+
+    def __contains__(self, number: Any) -> bool:
+        low, high = self.fractions
+        return bool(low <= number <= high)
+
+    @property
+    def fractions(self) -> tuple[Fraction, Fraction]:
+        """Both bounds as exact rationals."""
+        return _exact(self.lower), _exact(self.upper)
+
+    @property
+    def value(self) -> Any:
+        """A number within: the lower bound."""
+        return self.lower
+
+    def __repr__(self) -> str:
+        from mpmath import nstr
+
+        digits = max(5, int(self.lower._mpf_[3] * 0.30103))  # noqa: SLF001 - as many as the number holds
+        return f"Enclosure({nstr(self.lower, digits)}, {nstr(self.upper, digits)})"
+
+
+def _exact(number: Any) -> Fraction:
+    sign, mantissa, exponent, _ = number._mpf_  # noqa: SLF001 - mpmath's own way to a ratio loses nothing, but is slow
+    whole = Fraction(int(mantissa)) * (Fraction(2) ** exponent)
+    return -whole if sign else whole
