@@ -75,16 +75,27 @@ class Batch:
         return np.array([float(x) for x in law.column(column)])
 
     def subset_sums(self, law: Law, column: int, power: int, subsets: Subsets) -> Plane:
-        atoms = self._weights(law) * (self._values(law, column)[:, None] - self.mean(law, column)) ** power
+        atoms = self._weights(law) * self._deviations(law, column) ** power
         return Plane(subsets.members().astype(float) @ atoms)
+
+    def _reference(self, law: Law, column: int) -> tuple[Ints, Floats]:
+        """By pixel the heaviest atom, and how far the true mean is from it: small numbers stay exact to the last digit."""
+        weights, values = self._weights(law), self._values(law, column)
+        heaviest = weights.argmax(axis=0)
+        return heaviest, (weights * (values[:, None] - values[heaviest])).sum(axis=0)
+
+    def _deviations(self, law: Law, column: int) -> Floats:
+        """Values minus the true mean, by atom and pixel."""
+        values = self._values(law, column)
+        heaviest, shift = self._reference(law, column)
+        return values[:, None] - values[heaviest] - shift
 
     def mean(self, law: Law, column: int) -> Floats:
         return np.asarray(self._values(law, column) @ self._weights(law))
 
     def variance(self, law: Law, column: int) -> Floats:
         """The variance of a column, by pixel."""
-        deviations = self._values(law, column)[:, None] - self.mean(law, column)
-        return np.asarray((self._weights(law) * deviations**2).sum(axis=0))
+        return np.asarray((self._weights(law) * self._deviations(law, column) ** 2).sum(axis=0))
 
     def number(self, value: Fraction) -> Floats:
         return np.full(self.array.shape[1], float(value))
@@ -109,4 +120,7 @@ class Batch:
         return Plane(np.exp(logs))
 
     def deviation(self, sums: Column, sizes: Column, law: Law, column: int) -> Plane:
-        return Plane(sums.floats()[:, None] - sizes.floats()[:, None] * self.mean(law, column))
+        heaviest, shift = self._reference(law, column)
+        numbers = law.column(column)
+        relative = np.stack([(sums - sizes * Column.constant(x)).floats() for x in numbers], axis=1)
+        return Plane(relative[:, heaviest] - sizes.floats()[:, None] * shift)

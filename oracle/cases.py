@@ -19,7 +19,7 @@ from truemean.oracle.evaluate import Evaluator, leaves
 from truemean.oracle.exact import is_symbolic
 from truemean.oracle.quantity import Decision, Node, Quantity, constant, quantity
 from truemean.oracle.rows import Block
-from truemean.oracle.stand_in import NoProof, fixed_value, is_fixed
+from truemean.oracle.stand_in import NoProof, fixed_value, function_key, is_fixed
 from truemean.oracle.symbols import Generator, Ratio
 from truemean.oracle.walk import Tree
 from truemean.oracle.wording import text
@@ -168,31 +168,34 @@ class Formulas:
     def number(self, node: Node) -> int:
         """The number of an expression: the same for the same one, and for no other."""
         if id(node) not in self._met:
-            parts = [self._part(a, node) for a in node.args]
+            parts = [self.number(a) if isinstance(a, Node) else self._part(a, node) for a in node.args]
             if node.op in ("stat", "mean", "sum", "flat"):
                 parts[:2] = [_stretches(node)]
             self._met[id(node)] = (node, self._numbers.setdefault((node.op, *parts), len(self._numbers)))
         return self._met[id(node)][1]
 
     def _part(self, argument: Any, node: Node) -> Any:
-        if isinstance(argument, Node):
-            return self.number(argument)
         if argument == "weighted":
             return "weighted", id(node)
         if hasattr(argument, "function"):
-            return _function_key(argument.function), argument.ordered
+            return function_key(argument.function), argument.ordered
         return type(argument), argument
 
     # -- formulas ------------------------------------------------------------------------------
 
     def value(self, node: Any) -> Any:
-        """A quantity as a formula."""
-        number = self.number(node)
-        if number not in self._values:
-            self._values[number] = found = self._value(node)
-            if len(conditions(found)) > _MOST_CONDITIONS:
-                raise NoProof(f"the estimate depends on more than {_MOST_CONDITIONS} conditions of np.where")
-        return self._values[number]
+        """A quantity as a formula; long ones from the inside out."""
+        waiting = [node]
+        while waiting:
+            top = waiting[-1]
+            parts = [a for a in top.args if isinstance(a, Quantity)] if top.op in (*_ARITHMETIC, "where") else []
+            parts = [a for a in parts if self.number(a) not in self._values]
+            waiting += parts
+            if not parts:
+                self._values[self.number(waiting.pop())] = found = self._value(top)
+                if len(conditions(found)) > _MOST_CONDITIONS:
+                    raise NoProof(f"the estimate depends on more than {_MOST_CONDITIONS} conditions of np.where")
+        return self._values[self.number(node)]
 
     def _value(self, node: Any) -> Any:
         op, args = node.op, node.args
@@ -203,11 +206,12 @@ class Formulas:
         if op == "true mean":
             return self.true_mean(args[0].region)
         if op in _ARITHMETIC:
-            return each(_ARITHMETIC[op], self.value(args[0]), self.value(args[1]))
+            return each(_ARITHMETIC[op], *(self._values[self.number(a)] for a in args))
         if op == "**" and (power := fixed_value(args[1])) is not None and abs(power) in range(_MOST_POWER + 1):
             return each(lambda base: base ** int(power), self.value(args[0]))
         if op == "where":
-            return each(lambda c, a, b: a if c else b, self.truth(args[0]), *map(self.value, args[1:]))
+            sides = (self._values[self.number(a)] for a in args[1:])
+            return each(lambda c, a, b: a if c else b, self.truth(args[0]), *sides)
         return self._generator(("node", self.number(node)), text(node), self.reads(node))
 
     def _average(self, node: Node) -> Any:
@@ -335,15 +339,3 @@ def _stretches(node: Node) -> tuple[int, ...]:
 
 def _draws_in(node: Node) -> set[int]:
     return {number for leaf in leaves(node) for number in _stretches(leaf)}
-
-
-def _function_key(function: Any) -> Any:
-    """A function by its code and what it closes over, as far as that is known by its value."""
-    code = getattr(function, "__code__", None)
-    if code is None:
-        return id(function)
-    cells = [cell.cell_contents for cell in function.__closure__ or ()]
-    around = [*cells, *(function.__defaults__ or ()), getattr(function, "__self__", None)]
-    around += [function.__globals__, function.__kwdefaults__]
-    simple = int | str | Fraction | float | bool | None
-    return code, *((type(x), x) if isinstance(x, simple) else id(x) for x in around)

@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from truemean.errors import InputError, InputTypeError, NoClosedForm, UnknownName
+from truemean.errors import InputError, InputTypeError, NoClosedForm, NotExact, UnknownName
 from truemean.oracle.batch import Batch
+from truemean.oracle.columns import NotRational
 from truemean.oracle.distribution import joined_law, observed
+from truemean.oracle.enclosure import Ball
 from truemean.oracle.evaluate import check_closed
 from truemean.oracle.exact import is_symbolic
 from truemean.oracle.exploration import Exploration
@@ -27,12 +29,14 @@ from truemean.oracle.paths import Path
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.plan import Plan, as_plan
 from truemean.oracle.rings import Exact, Ring
+from truemean.oracle.shown import Shown
 from truemean.oracle.symbols import Field
 
 __all__ = ["Derivation", "DerivedPath", "derive"]
 
 ROWS = 2_000_000
-_RINGS: dict[str, type[Exact | Float64]] = {"exact": Exact, "symbolic": Exact, "float64": Float64}
+_RINGS: dict[str, type[Exact | Float64]] = {"exact": Exact, "symbolic": Exact, "ball": Exact, "float64": Float64}
+_FLOAT_BITS = 160  # of irrational coefficients, before they are rounded
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +48,7 @@ class DerivedPath:
     bias: Any
 
 
-class Derivation:
+class Derivation(Shown):
     """Results of `derive`, each computed when first asked for, at the level that it needs.
 
     Numbers are Fractions for ``arithmetic="exact"``, SymPy expressions for ``"symbolic"``, `Approx`
@@ -59,9 +63,12 @@ class Derivation:
         exploration: Exploration,
         rtol: float | None,
         symbolic: bool = False,
+        digits: int = 0,
+        bits: int = 0,
     ) -> None:
         self.plan, self.pixel, self.symbolic = plan, pixel, symbolic
         self._ring, self._exploration, self._rtol = ring, exploration, rtol
+        self._digits, self._bits = digits, bits
 
     # -- results -----------------------------------------------------------------------------
 
@@ -73,14 +80,14 @@ class Derivation:
     @cached_property
     def expectation(self) -> Any:
         """E[xi]."""
-        return self._result("expectation", [b + t for b, t in zip(self.biases, self._truths, strict=True)])
+        return self._result("expectation", [b + t for b, t in zip(self.biases, self.truths, strict=True)])
 
     @cached_property
     def relative_bias(self) -> Any:
         """Bias divided by the true mean; InputError where that is 0."""
         if not self._exploration.weightless and not all(self.law.mean(c) for c in range(self.law.channels)):
             raise InputError("relative_bias has no meaning at true mean 0: use bias")
-        return self._result("relative_bias", [b / t for b, t in zip(self.biases, self._truths, strict=True)])
+        return self._result("relative_bias", [b / t for b, t in zip(self.biases, self.truths, strict=True)])
 
     @cached_property
     def mse(self) -> Any:
@@ -90,21 +97,20 @@ class Derivation:
     @cached_property
     def variance(self) -> Any:
         """E[(xi - E[xi])^2]."""
-        pairs = zip(self.mean_squared_errors, self.biases, strict=True)
-        return self._result("variance", [mse - bias * bias for mse, bias in pairs])
+        return self._result("variance", self.variances)
 
     @cached_property
     def cost(self) -> Any:
         """E[number of samples drawn], those of sub-estimates included."""
         forms = self._beyond(lambda p: prepare(p, p.cost, None, 1))
-        return self._held("cost", self._finished(self._total([f.mean(self._ring) for f in forms], forms)))
+        return self._held("cost", [self._total([f.mean(self._ring) for f in forms], forms)])[0]
 
     @cached_property
     def oracle_calls(self) -> Any:
         """E[number of true_mean() calls]."""
         paths = [p for p in self._exploration.paths if p.calls]
         calls = [self._ring.number(p.calls) * p.rows.probability(self._ring) for p in paths]
-        return self._held("oracle_calls", self._finished(self._total(calls, [])))
+        return self._held("oracle_calls", [self._total(calls, [])])[0]
 
     def distribution(self) -> dict[Any, Any]:
         """The law of xi: ``{value: probability}``, exact; values ascend where they are numbers.
@@ -115,7 +121,10 @@ class Derivation:
         check_closed(self.law, "its whole law")
         if self.law.indexed:
             raise NoClosedForm(f"the law of xi for k={self.pixel.count} values has no formula: make k concrete")
-        law = joined_law(self._beyond(observed), self._ring, self._exploration.lenient, self._colour)
+        try:
+            law = joined_law(self._beyond(observed), self._ring, self._exploration.lenient, self.colour)
+        except NotRational as error:
+            raise NotExact(f"the values of the estimate are irrational: {error}; its moments have enclosures") from None
         if not self.symbolic:
             return law
         return {self._finished(value): self._finished(probability) for value, probability in law.items()}
@@ -128,7 +137,7 @@ class Derivation:
         for path, *biases in zip(self._exploration.paths, *self.path_biases, strict=True):
             bias = [self._finished(b) for b in biases]
             probability = self._finished(path.rows.probability(self._ring))
-            found.append(DerivedPath(tuple(path.decisions), probability, tuple(bias) if self._colour else bias[0]))
+            found.append(DerivedPath(tuple(path.decisions), probability, tuple(bias) if self.colour else bias[0]))
         return tuple(found)
 
     @cached_property
@@ -185,6 +194,17 @@ class Derivation:
         return self._exploration.law_of(self.pixel)
 
     @property
+    def params(self) -> dict[str, Any]:
+        """The plan's parameters, defaults filled in."""
+        return self._exploration.params
+
+    @property
+    def requirements(self) -> list[str]:
+        """What a symbolic sample size must be for the formulas to hold, such as ``n >= 2``."""
+        _ = self._forms
+        return list(self.field.requirements)
+
+    @property
     def field(self) -> Field:
         """The rational functions of the symbols that the numbers are made of."""
         return self._exploration.field
@@ -196,11 +216,13 @@ class Derivation:
         return [path.decisions for path in self._exploration.paths]
 
     @property
-    def _colour(self) -> bool:
+    def colour(self) -> bool:
+        """Whether results are tuples by channel."""
         return self.pixel.channels is not None
 
     @property
-    def _truths(self) -> list[Any]:
+    def truths(self) -> list[Any]:
+        """The true mean by channel, in the ring's numbers."""
         return [self._ring.mean(self.law, c) for c in range(self.law.channels)]
 
     @cached_property
@@ -209,15 +231,25 @@ class Derivation:
         return [self._total(*pair) for pair in zip(self.path_biases, self._forms, strict=True)]
 
     @cached_property
+    def variances(self) -> list[Any]:
+        """The variance by channel, in the ring's numbers."""
+        pairs = zip(self.mean_squared_errors, self.biases, strict=True)
+        return [mse - bias * bias for mse, bias in pairs]
+
+    @cached_property
     def path_biases(self) -> list[list[Any]]:
         """What each path adds to the bias, by channel and path, in the ring's numbers."""
-        return [[form.mean(self._ring) for form in forms] for forms in self._forms]
+        found = [[form.mean(self._ring) for form in forms] for forms in self._forms]
+        if not self._digits:
+            return found
+        pairs = zip(found, self._forms, strict=True)
+        return [[Ball(b, form.slack) for b, form in zip(biases, forms, strict=True)] for biases, forms in pairs]
 
     @cached_property
     def mean_squared_errors(self) -> list[Any]:
         """The mean squared error by channel, in the ring's numbers."""
         forms = self._by_channel(self._beyond(self._forms_of(2)))
-        return [self._total([f.moments(self._ring, 2)[2] for f in fs], fs) for fs in forms]
+        return [self._total([f.moments(self._ring, 2)[2] for f in fs], fs, 2) for fs in forms]
 
     @cached_property
     def _forms(self) -> list[list[Form]]:
@@ -227,8 +259,7 @@ class Derivation:
     def _forms_of(self, order: int) -> Callable[[Path], list[Form]]:
         """What makes the forms of a path by channel, good for moments up to an order."""
         truths = [(self.law, channel) for channel in range(self.law.channels)]
-        approximate = not isinstance(self._ring, Exact)
-        return lambda path: [prepare(path, path.result[t[1]], t, order, approximate) for t in truths]
+        return lambda path: [prepare(path, path.result[t[1]], t, order, self._bits) for t in truths]
 
     def _by_channel(self, by_path: list[list[Form]]) -> list[list[Form]]:
         return [list(forms) for forms in zip(*by_path, strict=True)]
@@ -246,34 +277,47 @@ class Derivation:
         e = self._exploration
         return Exploration(e.function, e.pixel, e.params, e.budget, e.lenient, parent=e, weightless=e.weightless)
 
-    def _total(self, terms: list[Any], forms: list[Form]) -> Any:
+    def _total(self, terms: list[Any], forms: list[Form], order: int = 1) -> Any:
+        """The sum over the paths, with the error that irrational coefficients bring into a moment."""
         total = self._ring.number(Fraction(0))
         for term in terms:
             total = total + term
-        slack = max((form.slack for form in forms), default=Fraction(0))
+        slack = Fraction(0) if isinstance(total, Ball) else max((form.slack for form in forms), default=Fraction(0))
+        if order == 2 and slack:  # E|(v + d)^2 - v^2| <= 2 |d| E|v| + d^2, and 2 E|v| <= 1 + E v^2
+            centre = Fraction(total.value) if isinstance(total, Approx) else total
+            slack = slack * (1 + abs(centre)) + slack * slack
         if slack and isinstance(total, Approx):
-            total = Approx(total.value, total.error + float(slack) * (1 + 1e-9))
-        return total
+            return Approx(total.value, total.error + float(slack) * (1 + 1e-9))
+        return Ball.of(total) + Ball(Fraction(0), slack) if self._digits else total
 
     def _finished(self, value: Any) -> Any:
         """A number of the ring as the caller gets it."""
         if isinstance(self._ring, Batch):
             return value.reshape(self._ring.shape)
+        if self._digits:
+            return Ball.of(value).enclosure(self._digits)
         return formula(value) if self.symbolic else value
 
     def _result(self, name: str, by_channel: list[Any]) -> Any:
-        finished = [self._finished(value) for value in by_channel]
-        return self._held(name, tuple(finished) if self._colour else finished[0])
+        finished = self._held(name, by_channel)
+        return tuple(finished) if self.colour else finished[0]
 
-    def _held(self, name: str, value: Any) -> Any:
-        """The value, or the exact one rounded where floats can't hold the relative tolerance asked for."""
-        rtol = self._rtol
-        if rtol is None or all(
-            v.error <= rtol * abs(v.value) for v in (value if isinstance(value, tuple) else (value,))
-        ):
-            return value
-        exact = getattr(Derivation(self.plan, self.pixel, Exact(), self._exploration, None), name)
-        return tuple(map(rounded, exact)) if isinstance(exact, tuple) else rounded(exact)
+    def _held(self, name: str, numbers: list[Any]) -> list[Any]:
+        """Numbers as the caller gets them, computed again where they don't hold the precision asked for."""
+        rtol, again = self._rtol, None
+        if self._digits and any(Ball.of(v).radius * 10**self._digits > self.pixel.scale for v in numbers):
+            again = self._with(digits=self._digits, bits=2 * self._bits)
+        elif rtol is not None and not all(v.error <= rtol * abs(v.value) for v in numbers):
+            again = self._with()
+        if again is None:
+            return [self._finished(v) for v in numbers]
+        found = getattr(again, name)
+        parts = list(found) if isinstance(found, tuple) else [found]
+        return parts if self._digits else list(map(rounded, parts))
+
+    def _with(self, **precision: int) -> Derivation:
+        """The same paths in exact numbers, or in balls of other precision."""
+        return Derivation(self.plan, self.pixel, Exact(), self._exploration, None, **precision)
 
 
 def _checked_weights(weights: Any, k: int) -> Any:
@@ -293,6 +337,7 @@ def derive(
     X: Pixel,
     *,
     arithmetic: str | None = None,
+    digits: int | None = None,
     rtol: float | None = None,
     rows: int | str = ROWS,
     runs: int = 100_000,
@@ -302,8 +347,9 @@ def derive(
     """What a plan (or an undecorated function of X) is worth on a pixel, exactly.
 
     ``arithmetic`` is ``"exact"`` (Fractions), ``"symbolic"`` (SymPy expressions, the default where a
-    symbol is in X or the parameters) or ``"float64"`` (`Approx` with an error bound, exact where
-    ``rtol`` can't be held otherwise); ``rows`` bounds what may be told apart, or is
+    symbol is in X or the parameters), ``"ball"`` (`Enclosure` to ``digits`` decimal places of the
+    pixel's scale; roots and logarithms in the estimate are allowed) or ``"float64"`` (`Approx` with an
+    error bound, exact where ``rtol`` can't be held otherwise); ``rows`` bounds what may be told apart, or is
     ``"sampled"`` for an interval from ``runs`` sampled rows. Raises PlanError and its kin.
 
     >>> from truemean.oracle.plans import catalogue
@@ -334,9 +380,22 @@ def derive(
     exploration = Exploration(declared.function, X, bound, rows, declared.undefined == "nan")
     if rtol is not None and (arithmetic != "float64" or not isinstance(rtol, float | int) or not rtol > 0):
         raise InputError(f"rtol={rtol!r} is a positive relative tolerance for arithmetic='float64'")
-    found = Derivation(declared, X, _RINGS[arithmetic](), exploration, rtol, arithmetic == "symbolic")
+    places, bits = _precision(arithmetic, digits)
+    found = Derivation(declared, X, _RINGS[arithmetic](), exploration, rtol, arithmetic == "symbolic", places, bits)
     _ = exploration.paths  # errors of the plan show here, not at the first result
     return found
+
+
+def _precision(arithmetic: str, digits: int | None) -> tuple[int, int]:
+    """Digits of enclosures, and the bits that irrational coefficients have at first."""
+    if digits is not None and (
+        arithmetic != "ball" or isinstance(digits, bool) or not isinstance(digits, int) or digits < 1
+    ):
+        raise InputError(f"digits={digits!r}: a number of decimal places of at least 1, with arithmetic='ball'")
+    if arithmetic == "ball":
+        places = 30 if digits is None else digits
+        return places, 64 + 4 * places
+    return 0, _FLOAT_BITS if arithmetic == "float64" else 0
 
 
 def sub_law(parent: Exploration, plan: Any, pixel: Pixel, params: dict[str, Any]) -> SubLaw:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-__all__ = ["Enclosure"]
+__all__ = ["Ball", "Enclosure"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +15,7 @@ class Enclosure:
 
     >>> third = Enclosure.around(Fraction(1, 3), Fraction(1, 3), digits=5)
     >>> Fraction(1, 3) in third, third
-    (True, Enclosure(0.3333333, 0.3333333))
+    (True, Enclosure(0.333333328366, 0.333333343267))
     """
 
     lower: Any
@@ -49,8 +49,43 @@ class Enclosure:
     def __repr__(self) -> str:
         from mpmath import nstr
 
-        digits = max(5, int(self.lower._mpf_[3] * 0.30103))  # noqa: SLF001 - as many as the number holds
+        digits = max(12, int(self.lower._mpf_[3] * 0.30103))  # noqa: SLF001 - as many as the number holds
         return f"Enclosure({nstr(self.lower, digits)}, {nstr(self.upper, digits)})"
+
+
+@dataclass(frozen=True, slots=True)
+class Ball:
+    """A rational centre and how far the exact number can be from it."""
+
+    centre: Fraction
+    radius: Fraction = Fraction(0)
+
+    @classmethod
+    def of(cls, number: Any) -> Ball:
+        """A ball as it is, an exact number as a point."""
+        return number if isinstance(number, Ball) else cls(Fraction(number))
+
+    def enclosure(self, digits: int) -> Enclosure:
+        """Its ends as multi-precision numbers."""
+        return Enclosure.around(self.centre - self.radius, self.centre + self.radius, digits)
+
+    def __add__(self, other: Any) -> Ball:
+        right = Ball.of(other)
+        return Ball(self.centre + right.centre, self.radius + right.radius)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Ball:
+        right = Ball.of(other)
+        return Ball(self.centre - right.centre, self.radius + right.radius)
+
+    def __mul__(self, other: Any) -> Ball:
+        right = Ball.of(other)
+        radius = abs(self.centre) * right.radius + self.radius * (abs(right.centre) + right.radius)
+        return Ball(self.centre * right.centre, radius)
+
+    def __truediv__(self, other: Fraction) -> Ball:
+        return Ball(self.centre / other, self.radius / abs(other))
 
 
 def _exact(number: Any) -> Fraction:

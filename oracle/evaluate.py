@@ -20,6 +20,8 @@ from truemean.oracle.wording import text
 __all__ = ["Evaluator", "check_closed", "leaves", "row_text"]
 
 Value = Column | Surd
+
+
 def leaves(*nodes: Node) -> list[Node]:
     """The statistics that expressions look at, each once, in the order met."""
     found: dict[int, Node] = {}
@@ -158,7 +160,9 @@ class Evaluator:
             self._complain(undefined, node)
         if not undefined.any():
             return holds
-        return truths(np.where(undefined, otherwise, holds)) if symbolic(holds) else np.where(undefined, otherwise, holds)
+        return (
+            truths(np.where(undefined, otherwise, holds)) if symbolic(holds) else np.where(undefined, otherwise, holds)
+        )
 
     def _complain(self, undefined: Any, node: Node) -> None:
         if undefined.any():

@@ -12,7 +12,15 @@ from flint import fmpq
 
 from truemean.errors import AssumptionError, InputError, InputTypeError
 
-__all__ = ["exact_fraction", "exact_number", "exact_or_symbolic", "exact_text", "exact_weight", "is_symbolic", "short_text"]
+__all__ = [
+    "exact_fraction",
+    "exact_number",
+    "exact_or_symbolic",
+    "exact_text",
+    "exact_weight",
+    "is_symbolic",
+    "short_text",
+]
 
 _MOST_DIGITS = 100_000
 

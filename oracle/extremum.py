@@ -33,8 +33,8 @@ class Extremum:
     ``10^-digits * min(1, supremum)`` apart; equal if the supremum is a rational attained at a rational critical point
     or corner (of small denominator, in several variables). ``point`` holds w, or (w_1, ..., w_k), with
     ``lower <= |p(point)| <= upper`` exactly, and ``value_sign`` is the sign of p there. If the supremum is only the
-    limit at w = 0 (``attained`` is false), then ``|p(point)| >= lower - 10^-digits * min(1, lower)``. Of points that
-    agree to all digits the lexicographically smallest is named.
+    limit at w = 0 (``attained`` is false), then ``|p(point)| >= lower - 10^-digits * min(1, lower)``. Of isolated
+    points that agree to all digits the lexicographically smallest is named.
     """
 
     lower: Fraction
@@ -90,7 +90,7 @@ def supremum_simplex(
     terms: Mapping[tuple[int, ...], Fraction],
     k: int,
     digits: int = 30,
-    budget: int = 20_000_000,
+    budget: int = 5_000_000,
     *,
     absolute: bool = True,
 ) -> Extremum:
@@ -111,9 +111,9 @@ def supremum_simplex(
     shift = Fraction(0) if absolute else 1 + sum(map(abs, terms.values()), Fraction(0))
     constant = (0,) * k
     form = Form.of({**terms, constant: terms.get(constant, Fraction(0)) + shift}, k)
-    found = maximise(form, Fraction(1, 10 ** (digits + 2)), budget)
-    lower, upper = _outward(found.lower, found.upper, digits)
-    points = [found.point] if lower == upper else _decimals(found.point)
+    low, high, peak = maximise(form, Fraction(1, 10 ** (digits + 2)), budget)
+    lower, upper = _outward(low, high, digits)
+    points = [peak] if lower == upper else _decimals(peak)
     point = next(p for p in points if lower <= abs(form.value(p)) <= upper)
     complete = upper - lower <= _unit(digits, lower)
     result = Extremum(lower, upper, attained=True, point=point, value_sign=_sign(form.value(point)), complete=complete)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from typing import Any
 
@@ -22,8 +22,6 @@ from truemean.oracle.sample import Sample
 from truemean.oracle.wording import text
 
 __all__ = ["prepare"]
-
-_HEADROOM = 1 << 60  # what an irrational coefficient may be multiplied by
 
 
 class _Draft:
@@ -48,12 +46,12 @@ class _Draft:
             self.rows, _ = self.path.observer.joined(self.rows, [sample, *(leaf.args[0] for leaf in asked)])
 
 
-def prepare(path: Path, estimate: Quantity, truth: Truth | None, order: int, approximate: bool = False) -> Form:
+def prepare(path: Path, estimate: Quantity, truth: Truth | None, order: int, bits: int = 0) -> Form:
     """The form of an estimate on the rows of a path, observed as far as its moments need.
 
     ``truth`` is subtracted if given. Order 1 leaves alone what only the variance needs. Raises
     Replay where a sample was observed too coarsely, NotExact for irrational coefficients unless
-    ``approximate`` allows enclosing them.
+    ``bits`` says to how many they may be enclosed.
     """
     form = linear(estimate)
     if truth is not None:
@@ -62,7 +60,7 @@ def prepare(path: Path, estimate: Quantity, truth: Truth | None, order: int, app
     rows = path.rows
     while (draft := _drafted(path, rows, form, order)).rows is not rows:
         rows = draft.rows  # what coefficients read has been observed: read the samples' terms anew
-    return _finished(draft, approximate)
+    return _finished(draft, bits)
 
 
 def _drafted(path: Path, rows: Rows, form: Linear, order: int) -> _Draft:
@@ -135,21 +133,23 @@ def _added(truths: list[tuple[Truth, Quantity]]) -> list[tuple[Truth, Quantity]]
     return [(t, c) for t, c in totals.items() if not (c.op == "const" and c.args[0] == 0)]
 
 
-def _finished(draft: _Draft, approximate: bool) -> Form:
+def _finished(draft: _Draft, bits: int) -> Form:
     """Evaluate every coefficient on the block that its samples have ended in."""
-    homes = _Homes(draft, approximate)
+    homes = _Homes(draft, bits)
     for sample, first, column, factor in draft.factors:
         place = homes.of([factor], sample)
         entry = next(e for e in place.evaluator.block.entries_of(sample) if e.first == first)
-        value = homes.column(place, factor)
+        value = homes.column(place, factor, lambda e=entry, c=column: _largest_sum(e.table.law, c, e.table.sizes))
         if not value.is_zero:
             place.factors.append((entry, column, value))
     for law, column, factor, size in draft.unseen:
         place = homes.of([factor, size])
-        place.unseen.append(Unseen(law, column, homes.column(place, factor), homes.column(place, size)))
+        sizes = homes.column(place, size)
+        value = homes.column(place, factor, lambda w=law, c=column, n=sizes: _largest_sum(w, c, n.fractions()))
+        place.unseen.append(Unseen(law, column, value, sizes))
     for truth, coefficient in _added(draft.truths):
         place = homes.of([coefficient])
-        place.truths.append((truth, homes.column(place, coefficient)))
+        place.truths.append((truth, homes.column(place, coefficient, lambda t=truth: abs(t[0].mean(t[1])))))
     for sample, size in draft.sizes:
         draft.path.observer.sizes(homes.of([size]).evaluator.block, size, sample)
     for node in draft.checks:
@@ -178,8 +178,8 @@ class _Place:
 class _Homes:
     """Each expression belongs to the block of the samples that it reads, constants to an empty one."""
 
-    def __init__(self, draft: _Draft, approximate: bool) -> None:
-        self.draft, self.approximate = draft, approximate
+    def __init__(self, draft: _Draft, bits: int) -> None:
+        self.draft, self.bits = draft, bits
         self.constants = Block((), 1)
         self.places: dict[int, _Place] = {}
         self.slack = Fraction(0)
@@ -192,20 +192,26 @@ class _Homes:
             self.places[id(block)] = _Place(Evaluator(block, self.draft.path.exploration.lenient))
         return self.places[id(block)]
 
-    def column(self, place: _Place, node: Quantity) -> Column:
-        """A coefficient by row; irrational ones within a slack if that is allowed."""
+    def column(self, place: _Place, node: Quantity, bound: Callable[[], Any] = lambda: 1) -> Column:
+        """A coefficient by row; an irrational one within its radius, times the ``bound`` of what it multiplies."""
         try:
             return place.evaluator.column(node)
         except NotRational:
-            if not self.approximate:
-                message = f"the estimate needs {text(node)}, which is irrational: use arithmetic='float64'"
+            if not self.bits:
+                message = f"the estimate needs {text(node)}, which is irrational: use arithmetic='ball' or 'float64'"
                 raise NotExact(message) from None
-        found, radius = _midpoints(place.evaluator, node)
-        self.slack += radius * _HEADROOM
+        found, radius = _midpoints(place.evaluator, node, self.bits)
+        self.slack += radius * bound()
         return found
 
 
-def _midpoints(evaluator: Evaluator, node: Quantity, bits: int = 160) -> tuple[Column, Fraction]:
+def _largest_sum(law: Law, column: int, sizes: Iterable[Any]) -> Any:
+    """A bound of the centred sum of draws."""
+    values = law.column(column)
+    return max(map(int, sizes), default=0) * (max(values) - min(values))
+
+
+def _midpoints(evaluator: Evaluator, node: Quantity, bits: int) -> tuple[Column, Fraction]:
     """Irrational values by row as near rationals, and the largest distance."""
     balls = enclosures(evaluator, node, bits)
     middles, radius = [], Fraction(0)

@@ -18,8 +18,8 @@ _MOST_FACTORED = 60  # terms of a polynomial that is still worth factoring
 Key = tuple[tuple[int, int], ...]
 
 
-def expression(ratio: Ratio) -> Any:
-    """The SymPy expression of a Ratio."""
+def expression(ratio: Ratio, mean: Ratio | None = None) -> Any:
+    """The SymPy expression of a Ratio; with ``mean``, the true mean is written as the symbol I where that is shorter."""
     import sympy
 
     field = ratio.field
@@ -34,19 +34,19 @@ def expression(ratio: Ratio) -> Any:
         if field.index is not None:
             by_condition.setdefault(conditions, []).append(_gathered(part))
             continue
-        product = sympy.Mul(_quotient(part), *(_meaning(field, i) ** e for i, e in exponentials))
+        product = sympy.Mul(_quotient(part, mean), *(_meaning(field, i) ** e for i, e in exponentials))
         by_condition.setdefault(conditions, []).append(product)
     return sympy.Add(*(_where(field, conditions, sympy.Add(*terms)) for conditions, terms in by_condition.items()))
 
 
-def formula(number: Any) -> Any:
+def formula(number: Any, mean: Any = None) -> Any:
     """A number of the engine as a SymPy expression."""
     import sympy
 
     if isinstance(number, tuple):
         return tuple(map(formula, number))
     if isinstance(number, Ratio):
-        return expression(number)
+        return expression(number, mean if isinstance(mean, Ratio) else None)
     return sympy.Rational(int(number.numerator), int(number.denominator))
 
 
@@ -202,9 +202,22 @@ def _condition(made: tuple[Any, str]) -> Any:
     return made[0] if made[1] == "relation" else relation(*made)
 
 
-def _quotient(part: Ratio) -> Any:
+def _quotient(part: Ratio, mean: Ratio | None = None) -> Any:
     num, den = part.lifted()
+    if mean is not None and mean.den is None and len(mean.num) > 1:
+        return _in_mean(part.field, num, mean.lifted()[0]) / _polynomial(part.field, den)
     return _polynomial(part.field, num) / _polynomial(part.field, den)
+
+
+def _in_mean(field: Field, polynomial: Any, mean: Any) -> Any:
+    """A polynomial with the true mean divided out as often as that leaves less to write."""
+    import sympy
+
+    whole, rest = divmod(polynomial, mean)
+    if whole == 0 or len(whole) + len(rest) >= len(polynomial):
+        return _polynomial(field, polynomial)
+    inner = _in_mean(field, whole, mean) * sympy.Symbol("I") + _polynomial(field, rest)
+    return inner
 
 
 def _polynomial(field: Field, polynomial: Any) -> Any:

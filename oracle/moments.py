@@ -48,7 +48,10 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """The estimate of a path, minus the true mean if centred, as parts of independent blocks."""
+    """The estimate of a path, minus the true mean if centred, as parts of independent blocks.
+
+    ``slack`` bounds how far the form can be from the estimate, where that is irrational.
+    """
 
     rows: Rows
     parts: tuple[Part, ...]

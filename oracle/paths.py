@@ -361,7 +361,11 @@ def _estimate(result: Any, pixel: Pixel) -> tuple[Quantity, ...]:
 def _number(part: Any) -> Quantity:
     if isinstance(part, Quantity):
         return part
-    if is_symbolic(part) or isinstance(part, Rational | float | np.integer | np.floating | Ratio) and not isinstance(part, bool):
+    if (
+        is_symbolic(part)
+        or isinstance(part, Rational | float | np.integer | np.floating | Ratio)
+        and not isinstance(part, bool)
+    ):
         return quantity(part)
     raise PlanError(f"the plan returned {part!r} (type={type(part).__name__}): return a number or a quantity")
 

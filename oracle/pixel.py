@@ -166,6 +166,8 @@ class Pixel:
     @cached_property
     def simplex(self) -> dict[Any, Any]:
         """The substitution that says that the weights sum to 1, for the last weight that is a symbol; {} if they show it."""
+        if self.count is not None:
+            return {}
         missing = _expanded(1 - sum(self.weights, Fraction(0)))
         if missing == 0:
             return {}

@@ -121,7 +121,9 @@ def _for_all_values(plan: Plan, params: dict[str, Any], most: int, ordered: bool
         certificate = _certificate(derivation)
         if not check_certificate(certificate):
             return None
-    reason = f"on pixels of up to {most} values, whatever they are, the bias is zero as a polynomial in values and weights"
+    reason = (
+        f"on pixels of up to {most} values, whatever they are, the bias is zero as a polynomial in values and weights"
+    )
     return Proof("unbiased at these values", reason, certificate=certificate)
 
 

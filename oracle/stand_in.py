@@ -24,7 +24,25 @@ from truemean.oracle.wording import text
 if TYPE_CHECKING:
     from truemean.oracle.walk import Trail
 
-__all__ = ["AnyLaw", "Drawn", "NoProof", "Region", "StandIn", "Stretch", "Watched"]
+__all__ = [
+    "FACTS",
+    "AnyLaw",
+    "Drawn",
+    "NoProof",
+    "Place",
+    "Region",
+    "StandIn",
+    "Stretch",
+    "Test",
+    "Watched",
+    "bounds",
+    "checked_size",
+    "fixed_value",
+    "function_key",
+    "is_fixed",
+    "no_tables",
+    "world",
+]
 
 
 class NoProof(BaseException):
@@ -250,8 +268,8 @@ def is_fixed(node: Node) -> bool:
 
 def fixed_value(node: Any) -> Fraction | None:
     """The number that an expression is on every pixel; None if it depends."""
-    if not is_fixed(node):
-        return None
+    if node.op == "const" or not is_fixed(node):
+        return node.args[0] if isinstance(node.args[0], Fraction) else None
     try:
         return Fraction(Evaluator(Block((), 1)).column(node).fractions()[0])
     except NotRational:
@@ -259,6 +277,7 @@ def fixed_value(node: Any) -> Fraction | None:
 
 
 def checked_size(n: Any, least: int) -> int | Quantity:
+    """A sample size as `Population.draw` reads it."""
     if is_symbolic(n):
         return quantity(n)
     if isinstance(n, bool):
@@ -275,6 +294,7 @@ def checked_size(n: Any, least: int) -> int | Quantity:
 
 
 def no_tables(*asked: Any) -> NoReturn:
+    """There are no rows here to make a table of."""
     raise NoProof(f"the plan looks at the rows of a sample at {asked}")
 
 
@@ -292,6 +312,24 @@ def bounds(node: Any) -> tuple[Any, Any]:
             return chosen(a, c), chosen(b, d)
         return (a + c, b + d) if op == "+" else (a - d, b - c)
     return -math.inf, math.inf
+
+
+def function_key(function: Any) -> Any:
+    """A function by its code and what it closes over, as far as that is known by its value."""
+    code = getattr(function, "__code__", None)
+    if code is None:
+        return id(function)
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    around = [*cells, *(function.__defaults__ or ()), getattr(function, "__self__", None)]
+    around += [function.__globals__, function.__kwdefaults__]
+    simple = int | str | Fraction | float | bool | None
+    return code, *((type(x), x) if isinstance(x, simple) else id(x) for x in around)
+
+
+FACTS = {
+    "scene": ("the pixel is not of a scene", "the pixel is of a scene"),
+    "regions": ("the pixel declares no regions", "the pixel declares regions R and rest"),
+}
 
 
 def world(path: tuple[tuple[Place, bool], ...]) -> set[str]:

@@ -198,7 +198,9 @@ def _custom(seen: Observed, column: int, option: Any) -> Column:
                 result = option.function(tuple(values[i] for i in atoms))
             except TypeError as error:
                 if law.symbolic_values:
-                    raise NoClosedForm(f"statistic {option.name} compares symbols ({error}): make values numbers") from None
+                    raise NoClosedForm(
+                        f"statistic {option.name} compares symbols ({error}): make values numbers"
+                    ) from None
                 raise
             try:
                 known[state] = result if isinstance(result, Ratio) else exact_number(result, f"statistic {option.name}")

@@ -131,7 +131,9 @@ def smallest_n(
         coefficients = _univariate(_polynomial(derivation, derivation.biases[0]))
         if below(coefficients, limit, near=_likely_worst(coefficients)):
             return n
-    raise InputError(f"|bias| <= {tolerance} on every pixel of two values needs more than {parameter}={most}: raise most=")
+    raise InputError(
+        f"|bias| <= {tolerance} on every pixel of two values needs more than {parameter}={most}: raise most="
+    )
 
 
 def _derived(plan: Plan, params: dict[str, Any], k: int, values: Sequence[Any] | None) -> Derivation:
