@@ -8,7 +8,7 @@ from fractions import Fraction
 from numbers import Integral, Real
 from typing import Any
 
-from truemean.oracle import Approx
+from truemean.oracle import Approx, Enclosure
 from truemean.oracle.exact import exact_text
 
 __all__ = ["plain"]
@@ -33,6 +33,8 @@ def plain(value: Any) -> Any:
             return _finite(value)
         case Approx():
             return {"value": _finite(value.value), "error": _finite(value.error)}
+        case Enclosure():
+            return dict(zip(("lower", "upper"), map(plain, value.fractions), strict=True))
         case Mapping():
             return {str(key): plain(part) for key, part in value.items()}
         case tuple() | list():

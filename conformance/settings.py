@@ -84,7 +84,7 @@ class Settings:
         """The tolerance as a number: a percentage is of the pixel's scale."""
         text = self.tolerance.strip() if isinstance(self.tolerance, str) else ""
         if text.endswith("%"):
-            tolerance = exact_number(text[:-1], "tolerance") / 100 * pixel.scale
+            tolerance: Fraction = exact_number(text[:-1], "tolerance") / 100 * pixel.scale
         else:
             tolerance = exact_number(self.tolerance, "tolerance")
         if tolerance < 0:

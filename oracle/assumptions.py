@@ -39,7 +39,8 @@ def read(field: Field, given: Any) -> Ratio:
             total = total * part if expression.is_Mul else total + part
         return total
     if expression.is_Pow and expression.exp.is_Integer:
-        return read(field, expression.base) ** int(expression.exp)
+        power: Ratio = read(field, expression.base) ** int(expression.exp)
+        return power
     if expression.is_Pow and expression.exp.is_integer and expression.base.free_symbols.isdisjoint({expression.exp}):
         return field.power(read(field, expression.base), read_size(field, expression.exp))
     if expression.is_number or expression.free_symbols:

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from truemean.errors import InputError, InputTypeError
 from truemean.oracle.columns import Column, Ints
 from truemean.oracle.law import Law
 from truemean.oracle.rings import Subsets, Term
 
-__all__ = ["Batch", "Plane"]
+__all__ = ["Batch", "Plane", "checked_weights"]
 
 Floats = NDArray[np.float64]
 
@@ -124,3 +125,16 @@ class Batch:
         numbers = law.column(column)
         relative = np.stack([(sums - sizes * Column.constant(x)).floats() for x in numbers], axis=1)
         return Plane(relative[:, heaviest] - sizes.floats()[:, None] * shift)
+
+
+def checked_weights(weights: Any, k: int) -> Floats:
+    """Arrays of weights ``[k, ...]``; InputTypeError or InputError for what is none."""
+    try:
+        array = np.asarray(weights, dtype=float)
+    except (TypeError, ValueError):
+        raise InputTypeError(f"weights={weights!r} are neither a mapping value -> weight nor arrays [k, ...]") from None
+    if array.ndim < 1 or len(array) != k:
+        raise InputError(f"weights of shape {array.shape}: the first axis is the {k} values of the pixel")
+    if not (array >= 0).all() or not np.allclose(array.sum(axis=0), 1, rtol=0, atol=1e-9):
+        raise InputError("weights must be >= 0 and sum to 1 along the first axis, to 1e-9")
+    return array

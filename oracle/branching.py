@@ -85,7 +85,7 @@ class Form:
     bezier: Floats
 
     @staticmethod
-    def of(terms: Mapping[tuple[int, ...], Fraction], k: int) -> Form:
+    def of(terms: Mapping[tuple[int, ...], Fraction | int], k: int) -> Form:
         """The form that equals the polynomial where w_1 + ... + w_k = 1."""
         ring = fmpq_mpoly_ctx.get([f"w{i}" for i in range(k)])
         degree = int(max((sum(e) for e, c in terms.items() if c), default=0)) or 1

@@ -44,7 +44,7 @@ class NotRational(Exception):
     """The value has no form that columns can hold exactly; use enclosures."""
 
 
-def integers(values: Iterable[int]) -> Ints:
+def integers(values: Iterable[Any]) -> Ints:
     """Integers as int64 if they all fit, as Python integers otherwise."""
     listed = list(values)
     if all(type(v) is not Ratio and -_LIMIT < v < _LIMIT for v in listed):
@@ -317,9 +317,9 @@ def _absorbed(num: Ints, den: Ints) -> tuple[Ints, Ints]:
     """Numerators that are formulas take their denominators in: what is left of these is 1, or 0 for undefined."""
     wide_num, wide_den = np.broadcast_arrays(num, den)
     field = next(x.field for x in num if type(x) is Ratio)
-    whole = [field.number(quotient(a, int(b))) if b else 0 for a, b in zip(wide_num, wide_den, strict=True)]
-    if all(not x or x.is_constant for x in whole):
-        known = [x.constant if x else Fraction(0) for x in whole]
+    whole = [field.number(quotient(a, int(b)) if b else 0) for a, b in zip(wide_num, wide_den, strict=True)]
+    if all(x.is_constant for x in whole):
+        known = [x.constant for x in whole]
         defined = np.where(wide_den == 0, 0, 1)
         return integers(x.numerator for x in known), integers(x.denominator for x in known) * defined
     return np.array(whole, dtype=object), np.where(wide_den == 0, 0, 1).astype(np.int64)

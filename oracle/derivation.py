@@ -8,10 +8,8 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from truemean.errors import InputError, InputTypeError, NoClosedForm, NotExact, UnknownName
-from truemean.oracle.batch import Batch
+from truemean.oracle.batch import Batch, checked_weights
 from truemean.oracle.columns import NotRational
 from truemean.oracle.distribution import joined_law, observed
 from truemean.oracle.enclosure import Ball
@@ -22,7 +20,7 @@ from truemean.oracle.features import Level
 from truemean.oracle.float64 import Approx, Float64, rounded
 from truemean.oracle.forms import prepare
 from truemean.oracle.formulas import formula
-from truemean.oracle.law import Law, SubLaw
+from truemean.oracle.law import Law
 from truemean.oracle.moments import Form
 from truemean.oracle.observing import Replay
 from truemean.oracle.paths import Path
@@ -174,7 +172,7 @@ class Derivation(Shown):
             raise InputError(f"{self!r} is a formula: use .lambdify() for arrays of numbers")
         if pixel.regions:
             raise InputError("the pixel has regions, so its weights don't say it all: derive it for each pixel")
-        array = _checked_weights(weights, len(pixel.values))
+        array = checked_weights(weights, len(pixel.values))
         open_pixel = Pixel(dict.fromkeys(pixel.values, Fraction(1, len(pixel.values))))
         e = self._exploration
         exploration = Exploration(e.function, open_pixel, e.params, e.budget, e.lenient, weightless=True)
@@ -192,6 +190,13 @@ class Derivation(Shown):
     def law(self) -> Law:
         """The law of one draw, in the ring's numbers."""
         return self._exploration.law_of(self.pixel)
+
+    @property
+    def arithmetic(self) -> str:
+        """The number system of the results."""
+        if isinstance(self._ring, Exact):
+            return "symbolic" if self.symbolic else "ball" if self._digits else "exact"
+        return "float64"
 
     @property
     def params(self) -> dict[str, Any]:
@@ -315,21 +320,9 @@ class Derivation(Shown):
         parts = list(found) if isinstance(found, tuple) else [found]
         return parts if self._digits else list(map(rounded, parts))
 
-    def _with(self, **precision: int) -> Derivation:
+    def _with(self, digits: int = 0, bits: int = 0) -> Derivation:
         """The same paths in exact numbers, or in balls of other precision."""
-        return Derivation(self.plan, self.pixel, Exact(), self._exploration, None, **precision)
-
-
-def _checked_weights(weights: Any, k: int) -> Any:
-    try:
-        array = np.asarray(weights, dtype=float)
-    except (TypeError, ValueError):
-        raise InputTypeError(f"weights={weights!r} are neither a mapping value -> weight nor arrays [k, ...]") from None
-    if array.ndim < 1 or len(array) != k:
-        raise InputError(f"weights of shape {array.shape}: the first axis is the {k} values of the pixel")
-    if not (array >= 0).all() or not np.allclose(array.sum(axis=0), 1, rtol=0, atol=1e-9):
-        raise InputError("weights must be >= 0 and sum to 1 along the first axis, to 1e-9")
-    return array
+        return Derivation(self.plan, self.pixel, Exact(), self._exploration, None, digits=digits, bits=bits)
 
 
 def derive(
@@ -396,26 +389,3 @@ def _precision(arithmetic: str, digits: int | None) -> tuple[int, int]:
         places = 30 if digits is None else digits
         return places, 64 + 4 * places
     return 0, _FLOAT_BITS if arithmetic == "float64" else 0
-
-
-def sub_law(parent: Exploration, plan: Any, pixel: Pixel, params: dict[str, Any]) -> SubLaw:
-    """The law of a sub-estimate; equal laws of the pixel share one derivation."""
-    declared = as_plan(plan)
-    bound = declared.bind(params)
-    constant = len(pixel.law) == 1
-    place = (pixel.geometry is not None, tuple(pixel.regions)) if constant else (id(pixel.geometry), _parts(pixel))
-    key = (declared.function, pixel.values, pixel.weights, place, repr(sorted(bound.items())))
-    if key not in parent.subplans:
-        exploration = Exploration(
-            declared.function, pixel, bound, parent.budget, declared.undefined == "nan", parent=parent
-        )
-        _ = exploration.paths
-        inner = Derivation(declared, pixel, Exact(), exploration, None)
-        parent.subplans[key] = SubLaw(f"estimate of {declared.name}", inner)
-    return parent.subplans[key]
-
-
-def _parts(pixel: Pixel) -> Any:
-    if pixel.geometry is not None:
-        return ()
-    return tuple((name, part.area, part.values, part.weights, _parts(part)) for name, part in pixel.regions.items())

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
 from fractions import Fraction
 from typing import Any
 
 __all__ = ["Ball", "Enclosure"]
+
+
+_MOST_DIGITS = 80  # of an exact bound that is written out
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +19,7 @@ class Enclosure:
 
     >>> third = Enclosure.around(Fraction(1, 3), Fraction(1, 3), digits=5)
     >>> Fraction(1, 3) in third, third
-    (True, Enclosure(0.333333328366, 0.333333343267))
+    (True, Enclosure(0.33333333302, 0.33333333349))
     """
 
     lower: Any
@@ -46,11 +50,16 @@ class Enclosure:
         """A number within: the lower bound."""
         return self.lower
 
-    def __repr__(self) -> str:
-        from mpmath import nstr
+    @property
+    def texts(self) -> tuple[str, str]:
+        """Both bounds in decimal, rounded outwards, one digit beyond where they differ."""
+        low, high = self.fractions
+        width, size = high - low, max(abs(low), abs(high))
+        digits = _MOST_DIGITS if not width else max(2, min(_MOST_DIGITS, 2 + len(str(int(size / width)))))
+        return _decimal(low, digits, ROUND_FLOOR), _decimal(high, digits, ROUND_CEILING)
 
-        digits = max(12, int(self.lower._mpf_[3] * 0.30103))  # noqa: SLF001 - as many as the number holds
-        return f"Enclosure({nstr(self.lower, digits)}, {nstr(self.upper, digits)})"
+    def __repr__(self) -> str:
+        return f"Enclosure({', '.join(self.texts)})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +97,13 @@ class Ball:
         return Ball(self.centre / other, self.radius / abs(other))
 
 
+def _decimal(number: Fraction, digits: int, rounding: str) -> str:
+    with localcontext(prec=digits, rounding=rounding, Emax=10**9, Emin=-(10**9)):
+        rounded = Decimal(number.numerator) / Decimal(number.denominator)
+        return f"{rounded:f}" if not rounded or abs(rounded.adjusted()) < 2 * digits else str(rounded).lower()
+
+
 def _exact(number: Any) -> Fraction:
-    sign, mantissa, exponent, _ = number._mpf_  # noqa: SLF001 - mpmath's own way to a ratio loses nothing, but is slow
-    whole = Fraction(int(mantissa)) * (Fraction(2) ** exponent)
+    sign, mantissa, exponent, _ = number._mpf_
+    whole: Fraction = Fraction(int(mantissa)) * Fraction(2) ** exponent
     return -whole if sign else whole

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from truemean.errors import NoClosedForm, RowBudgetExceeded
 from truemean.oracle.features import Level
-from truemean.oracle.law import Law, SubLaw
+from truemean.oracle.law import Law
 from truemean.oracle.observing import Observer, Replay
 from truemean.oracle.paths import Path, Pending, Point
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.rows import Rows
 from truemean.oracle.symbols import Field
 from truemean.oracle.tables import Table, power, rows_of
+
+if TYPE_CHECKING:
+    from truemean.oracle.sub_estimate import SubLaw
 
 __all__ = ["Exploration"]
 

@@ -46,7 +46,7 @@ class Extremum:
 
 
 def supremum(
-    coefficients: Sequence[Fraction], digits: int = 30, open_at_zero: bool = False, *, absolute: bool = True
+    coefficients: Sequence[Fraction | int], digits: int = 30, open_at_zero: bool = False, *, absolute: bool = True
 ) -> Extremum:
     """The supremum of |p| over [0, 1], or (0, 1], coefficients ascending; of p itself if not ``absolute``.
 
@@ -62,7 +62,7 @@ def supremum(
 
 
 def supremum_ratio(
-    num: Sequence[Fraction], den: Sequence[Fraction], digits: int = 30, *, absolute: bool = True
+    num: Sequence[Fraction | int], den: Sequence[Fraction | int], digits: int = 30, *, absolute: bool = True
 ) -> Extremum:
     """The supremum of |num/den| over [0, 1], or over (0, 1] if den(0) = 0, where it then has a limit.
 
@@ -87,7 +87,7 @@ def supremum_ratio(
 
 
 def supremum_simplex(
-    terms: Mapping[tuple[int, ...], Fraction],
+    terms: Mapping[tuple[int, ...], Fraction | int],
     k: int,
     digits: int = 30,
     budget: int = 5_000_000,
@@ -108,9 +108,9 @@ def supremum_simplex(
         if len(powers) != k or any(power < 0 for power in powers):
             raise InputError(f"terms: {powers} isn't an exponent for k = {k}; give {k} powers that aren't negative")
         _check_rational("terms", value)
-    shift = Fraction(0) if absolute else 1 + sum(map(abs, terms.values()), Fraction(0))
+    shift = Fraction(0) if absolute else 1 + sum((abs(Fraction(c)) for c in terms.values()), Fraction(0))
     constant = (0,) * k
-    form = Form.of({**terms, constant: terms.get(constant, Fraction(0)) + shift}, k)
+    form = Form.of({**terms, constant: terms.get(constant, 0) + shift}, k)
     low, high, peak = maximise(form, Fraction(1, 10 ** (digits + 2)), budget)
     lower, upper = _outward(low, high, digits)
     points = [peak] if lower == upper else _decimals(peak)
@@ -120,7 +120,9 @@ def supremum_simplex(
     return _lowered(result, shift, form.value(point) - shift)
 
 
-def below(coefficients: Sequence[Fraction], tolerance: Fraction, near: Fraction | None = None) -> bool:
+def below(
+    coefficients: Sequence[Fraction | int], tolerance: Fraction | int, near: Fraction | int | None = None
+) -> bool:
     """Whether |p(w)| <= tolerance for every w in [0, 1]; ``near`` is looked at first, and often enough for a no.
 
     Certified either way, touching included: it is compared at every critical point, and equality is divisibility.
@@ -135,7 +137,7 @@ def below(coefficients: Sequence[Fraction], tolerance: Fraction, near: Fraction 
         if not 0 <= near <= 1:
             raise InputError(f"near: {near} is outside [0, 1]; give a point inside, or none")
     bound = Fraction(tolerance)
-    if any(abs(curve(w)) > bound for w in ([] if near is None else [near])):
+    if any(abs(curve(w)) > bound for w in ([] if near is None else [Fraction(near)])):
         return False
     rational, factors = curve.critical()
     if any(abs(curve(w)) > bound for w in (Fraction(0), Fraction(1), *rational)):
@@ -329,7 +331,7 @@ def _check_rational(name: str, value: object) -> None:
         raise InputTypeError(f"{name}: {value!r} isn't rational; write Fraction or int")
 
 
-def _integers(name: str, coefficients: Sequence[Fraction]) -> tuple[fmpz_poly, fmpz_poly]:
+def _integers(name: str, coefficients: Sequence[Fraction | int]) -> tuple[fmpz_poly, fmpz_poly]:
     """The polynomial as one of integers, over a constant one."""
     for c in coefficients:
         _check_rational(name, c)
@@ -337,5 +339,5 @@ def _integers(name: str, coefficients: Sequence[Fraction]) -> tuple[fmpz_poly, f
     return fmpz_poly([int(c * unit) for c in coefficients]), fmpz_poly([unit])
 
 
-def _text(coefficients: Sequence[Fraction]) -> str:
+def _text(coefficients: Sequence[Fraction | int]) -> str:
     return "[" + ", ".join(map(str, coefficients)) + "]"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 from truemean.errors import NotExact
@@ -139,17 +140,17 @@ def _finished(draft: _Draft, bits: int) -> Form:
     for sample, first, column, factor in draft.factors:
         place = homes.of([factor], sample)
         entry = next(e for e in place.evaluator.block.entries_of(sample) if e.first == first)
-        value = homes.column(place, factor, lambda e=entry, c=column: _largest_sum(e.table.law, c, e.table.sizes))
+        value = homes.column(place, factor, partial(_largest_sum, entry.table.law, column, entry.table.sizes))
         if not value.is_zero:
             place.factors.append((entry, column, value))
     for law, column, factor, size in draft.unseen:
         place = homes.of([factor, size])
         sizes = homes.column(place, size)
-        value = homes.column(place, factor, lambda w=law, c=column, n=sizes: _largest_sum(w, c, n.fractions()))
+        value = homes.column(place, factor, partial(_largest_sum, law, column, sizes))
         place.unseen.append(Unseen(law, column, value, sizes))
     for truth, coefficient in _added(draft.truths):
         place = homes.of([coefficient])
-        place.truths.append((truth, homes.column(place, coefficient, lambda t=truth: abs(t[0].mean(t[1])))))
+        place.truths.append((truth, homes.column(place, coefficient, partial(_size_of_mean, *truth))))
     for sample, size in draft.sizes:
         draft.path.observer.sizes(homes.of([size]).evaluator.block, size, sample)
     for node in draft.checks:
@@ -205,10 +206,15 @@ class _Homes:
         return found
 
 
-def _largest_sum(law: Law, column: int, sizes: Iterable[Any]) -> Any:
+def _largest_sum(law: Law, column: int, sizes: Any) -> Any:
     """A bound of the centred sum of draws."""
+    sizes = sizes.fractions() if isinstance(sizes, Column) else sizes
     values = law.column(column)
     return max(map(int, sizes), default=0) * (max(values) - min(values))
+
+
+def _size_of_mean(law: Law, column: int) -> Any:
+    return abs(law.mean(column))
 
 
 def _midpoints(evaluator: Evaluator, node: Quantity, bits: int) -> tuple[Column, Fraction]:

@@ -95,7 +95,8 @@ def summed(ratio: Ratio) -> Ratio:
         outside = tuple(0 if _mentions_index(field, i) else int(e) for i, e in enumerate(powers))
         part = Ratio(field, field.context.from_dict({outside: int(coefficient)}))
         total = total + (part * _sum(field, inside) if inside else part)
-    return total / Ratio(field, den)
+    found: Ratio = total / Ratio(field, den)
+    return found
 
 
 def _sum(field: Field, inside: Key) -> Any:
@@ -125,8 +126,8 @@ def _gathered(part: Ratio) -> Any:
     sums = []
     for like, terms in bodies.items():
         content, body = sympy.Add(*terms).as_content_primitive()
-        powers = (_meaning(field, i) ** e for i, e in like)
-        sums.append(content * sympy.Sum(sympy.Mul(*powers, body), _limits(field)))
+        shared = (_meaning(field, i) ** e for i, e in like)
+        sums.append(content * sympy.Sum(sympy.Mul(*shared, body), _limits(field)))
     total = sympy.Add(*sums, _expanded(field, others.items()))
     return sympy.Mul(total, 1 / _polynomial(field, den))
 
@@ -216,8 +217,7 @@ def _in_mean(field: Field, polynomial: Any, mean: Any) -> Any:
     whole, rest = divmod(polynomial, mean)
     if whole == 0 or len(whole) + len(rest) >= len(polynomial):
         return _polynomial(field, polynomial)
-    inner = _in_mean(field, whole, mean) * sympy.Symbol("I") + _polynomial(field, rest)
-    return inner
+    return _in_mean(field, whole, mean) * sympy.Symbol("I") + _polynomial(field, rest)
 
 
 def _polynomial(field: Field, polynomial: Any) -> Any:

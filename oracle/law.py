@@ -16,11 +16,10 @@ from typing import Any
 
 from truemean.oracle.columns import Ints, integers, quotient
 from truemean.oracle.subsets import Family, family
-from truemean.oracle.symbols import Ratio
 
-__all__ = ["Lattice", "Law", "SubLaw"]
+__all__ = ["Lattice", "Law"]
 
-Atom = tuple[Fraction, ...]
+Atom = tuple[Any, ...]
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,7 @@ class Law:
         pairs = [(atom, weight) for atom, weight in zip(atoms, weights, strict=True) if weight]
         pairs.sort(key=lambda pair: [v.numerator * (unit // v.denominator) for v in pair[0]])
         self.name, self._cost, self._oracle_calls = name, cost, oracle_calls
-        self._weights: tuple[Fraction, ...] = tuple(weight for _, weight in pairs)
+        self._weights: tuple[Any, ...] = tuple(weight for _, weight in pairs)
         self._values: tuple[Atom, ...] = tuple(atom for atom, _ in pairs)
         self.channels = len(self.values[0])
         self.ratios: dict[Atom, Fraction] | None = None  # density ratios of a proposal
@@ -80,19 +79,24 @@ class Law:
         return self._values
 
     @property
-    def weights(self) -> tuple[Fraction, ...]:
+    def weights(self) -> tuple[Any, ...]:
         """The weights of the atoms."""
         return self._weights
 
     @property
-    def cost(self) -> Fraction:
+    def cost(self) -> Any:
         """What one draw costs, in draws."""
         return self._cost
 
     @property
-    def oracle_calls(self) -> Fraction:
+    def oracle_calls(self) -> Any:
         """What one draw costs, in oracle calls."""
         return self._oracle_calls
+
+    @property
+    def drawn(self) -> bool:
+        """Whether it is drawn from a pixel, and no choice or sub-estimate."""
+        return bool(self.cost)
 
     @property
     def symbolic(self) -> bool:
@@ -133,7 +137,7 @@ class Law:
         """The column as integers."""
         return self._lattices[column]
 
-    def column(self, column: int) -> list[Fraction]:
+    def column(self, column: int) -> list[Any]:
         """The column's number at each atom."""
         lattice = self.lattice(column)
         return [lattice.base + lattice.step * int(e) for e in lattice.e]
@@ -175,78 +179,3 @@ class Law:
         step = math.gcd(*(n - base for n in numbers)) or 1
         e = integers((n - base) // step for n in numbers)
         return Lattice(Fraction(base, unit), Fraction(step, unit), e, tuple(self.masses), self.unit)
-
-
-class SubLaw(Law):
-    """The law of a sub-estimate: mean, variance and cost as derived, its atoms only if somebody looks."""
-
-    def __init__(self, name: str, derivation: Any) -> None:
-        self.name, self.ratios, self.open = name, None, False
-        self.channels = derivation.pixel.channels or 1
-        self._derivation = derivation
-        self._colour = derivation.pixel.channels is not None
-
-    @property
-    def cost(self) -> Any:
-        """Draws that the sub-estimate takes on average."""
-        return self._derivation.cost
-
-    @property
-    def oracle_calls(self) -> Any:
-        """Oracle calls that it takes on average."""
-        return self._derivation.oracle_calls
-
-    @cached_property
-    def _full(self) -> Law:
-        law = self._derivation.distribution()
-        if any(isinstance(x, Ratio) for pair in law.items() for x in pair):
-            from truemean.oracle.symbolic import SymbolicLaw  # which is a law itself
-
-            return SymbolicLaw(next(x for pair in law.items() for x in pair if isinstance(x, Ratio)).field, law)
-        return Law([v if self._colour else (v,) for v in law], list(law.values()), self.name)
-
-    @property
-    def values(self) -> tuple[Atom, ...]:
-        return self._full.values
-
-    @property
-    def weights(self) -> tuple[Fraction, ...]:
-        return self._full.weights
-
-    def lattice(self, column: int) -> Lattice:
-        return self._full.lattice(column)
-
-    @property
-    def symbolic(self) -> bool:
-        return self._full.symbolic
-
-    @property
-    def symbolic_values(self) -> bool:
-        return self._full.symbolic_values
-
-    @property
-    def ordered(self) -> bool:
-        return self._full.ordered
-
-    @cached_property
-    def unit(self) -> int:
-        return self._full.unit
-
-    @cached_property
-    def masses(self) -> list[Any]:
-        return self._full.masses
-
-    def ends(self, support: Ints) -> tuple[Ints, Ints]:
-        return self._full.ends(support)
-
-    def family(self, name: str, n: Any) -> Family:
-        return self._full.family(name, n)
-
-    def mean(self, column: int) -> Any:
-        return self._of_channel(self._derivation.expectation, column)
-
-    def variance(self, column: int) -> Any:
-        return self._of_channel(self._derivation.variance, column)
-
-    def _of_channel(self, value: Any, column: int) -> Any:
-        return value[column] if self._colour else value

@@ -49,6 +49,9 @@ class Stopped(MonomialTable):
 class _NoFork:
     """Stands in for the path while ``stop`` describes its decision."""
 
+    def __init__(self, path: Path) -> None:
+        self.symbol = path.symbol
+
     def decide(self, asked: Decision) -> NoReturn:
         raise PlanError(f"stop may not act on {asked!r}: it returns one decision; combine with &, | and np.where")
 
@@ -87,7 +90,7 @@ class Loop:
         view = Sample(path, law, ("view",), "S", [], colour)
         view.segments += [sized_segment(view, part) for part in range(parts)]
         views = [view] if parts == 1 else [view.part(p, p + 1, name) for p, name in enumerate("AB")]
-        token = CURRENT.set(_NoFork())
+        token = CURRENT.set(_NoFork(path))
         try:
             asked = decision(stop(*views))
         finally:

@@ -14,7 +14,7 @@ import numpy as np
 
 from truemean.errors import PlanError
 from truemean.oracle.assumptions import read_size
-from truemean.oracle.columns import Column, Ints, integers, symbolic
+from truemean.oracle.columns import Column, Ints, integers
 from truemean.oracle.evaluate import Evaluator, leaves
 from truemean.oracle.features import Level, gives, level
 from truemean.oracle.quantity import Node, Quantity
@@ -149,10 +149,9 @@ class Observer:
         else:
             rows, block = self._beside_size(rows, sample, size)
             sizes = self.sizes(block, size, sample)
-            distinct = list(dict.fromkeys(sizes.tolist()))
-            which = np.array([distinct.index(n) for n in sizes.tolist()]) if symbolic(sizes) else None
-            if which is None:
-                distinct, which = np.unique(sizes, return_inverse=True)
+            distinct = sorted(set(sizes.tolist()), key=lambda n: (isinstance(n, Ratio), n if isinstance(n, int) else 0))
+            place = {n: i for i, n in enumerate(distinct)}
+            which = np.array([place[n] for n in sizes.tolist()], dtype=np.int64)
             stack = [tables(n if isinstance(n, Ratio) else int(n), wanted) for n in distinct]
             table, bounds = StackedTable(stack, wanted), [0, *np.cumsum([t.rows for t in stack])]
         pairs = self._pairs(block, which, bounds, sample, why)
@@ -212,4 +211,4 @@ class Observer:
         bad = next((v for v in values if not isinstance(v, Ratio) and (v.denominator != 1 or v < 0)), None)
         if bad is not None:
             raise PlanError(f"the size {text(size)} of {sample.name} is {bad} on a row: a size is an integer >= 0")
-        return integers(read_size(v.field, v) if isinstance(v, Ratio) else int(v) for v in values)
+        return integers([read_size(v.field, v) if isinstance(v, Ratio) else int(v) for v in values])

@@ -22,7 +22,7 @@ from truemean.oracle.exact import exact_number, is_symbolic, short_text
 from truemean.oracle.features import Level
 from truemean.oracle.float64 import Float64
 from truemean.oracle.importance import proposal_law
-from truemean.oracle.law import Law, SubLaw
+from truemean.oracle.law import Law
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.population import Population
 from truemean.oracle.quantity import CURRENT, Decision, Node, Quantity, Vector, constant, quantity
@@ -181,7 +181,7 @@ class Path:
             if self.decide(Decision("==", asked, constant(value))):
                 return int(value) if whole else value
 
-    def _smallest(self, asked: Quantity, whole: bool) -> Fraction:
+    def _smallest(self, asked: Quantity, whole: bool) -> Any:
         _, block = self.observer.require(self.rows, leaves(asked), asked)
         values = set(Evaluator(block, self.exploration.lenient).column(asked).fractions())
         if len(values) > _MOST_VALUES:
@@ -237,7 +237,7 @@ class Path:
             )
         label = (self._point, self._ordinal)
         self._ordinal += 1
-        number = 1 + sum(1 for s in self.samples if s.law.cost and not isinstance(s.law, SubLaw))
+        number = 1 + sum(1 for s in self.samples if s.law.drawn)
         sample = Sample(self, law, label, name or f"S{number}", segments, colour)
         self.samples.append(sample)
         return sample
@@ -278,7 +278,7 @@ class Path:
 
     def sub_estimate(self, pixel: Pixel, law: Law, plan: Any, params: dict[str, Any], name: str) -> Sample:
         """A sample of size 1 from the law of another plan's estimate."""
-        from truemean.oracle.derivation import sub_law
+        from truemean.oracle.sub_estimate import sub_law
 
         check_closed(law, f"a sub-estimate of {name}")
         fixed = {k: self.enumerate(v, whole=False) if isinstance(v, Quantity) else v for k, v in params.items()}
@@ -314,7 +314,7 @@ class Path:
         return self.oracle_calls + sum((s.law.oracle_calls for s in self.samples), Fraction(0))
 
 
-def _constant(node: Quantity) -> Fraction | None:
+def _constant(node: Quantity) -> Any:
     if leaves(node):
         return None
     return Evaluator(Block((), 1)).column(node).fractions()[0]
@@ -361,10 +361,8 @@ def _estimate(result: Any, pixel: Pixel) -> tuple[Quantity, ...]:
 def _number(part: Any) -> Quantity:
     if isinstance(part, Quantity):
         return part
-    if (
-        is_symbolic(part)
-        or isinstance(part, Rational | float | np.integer | np.floating | Ratio)
-        and not isinstance(part, bool)
+    if is_symbolic(part) or (
+        isinstance(part, Rational | float | np.integer | np.floating | Ratio) and not isinstance(part, bool)
     ):
         return quantity(part)
     raise PlanError(f"the plan returned {part!r} (type={type(part).__name__}): return a number or a quantity")

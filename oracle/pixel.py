@@ -56,7 +56,7 @@ class Pixel:
     """
 
     law: Mapping[Any, Any]
-    area: Fraction = Fraction(1)
+    area: Any = Fraction(1)
     regions: Mapping[str, Pixel] = field(default_factory=lambda: MappingProxyType({}))
     geometry: Geometry | None = None
     ordered: bool = False
@@ -201,7 +201,7 @@ class Pixel:
         if self.count is not None:
             return self._summed(self.values[0] ** 2) - self.mean**2
 
-        def channel(values: tuple[Fraction, ...]) -> Fraction:
+        def channel(values: tuple[Any, ...]) -> Any:
             mean = _dot(self.weights, values)
             return _dot(self.weights, tuple((v - mean) ** 2 for v in values))
 

@@ -13,8 +13,9 @@ from truemean.oracle.display import called
 
 if TYPE_CHECKING:
     from truemean.oracle.derivation import Derivation
+    from truemean.oracle.worst_case import WorstCase
 
-__all__ = ["plot"]
+__all__ = ["draw_worst_case", "plot"]
 
 _COVERAGES = (1 / 8, 1 / 4, 3 / 8, 1 / 2, 5 / 8, 3 / 4, 7 / 8)
 _SIZES = (2, 4, 8, 16)
@@ -97,3 +98,23 @@ def _values(derivation: Derivation, name: str, kinds: dict[str, str], fixed: dic
         values = [str(v) for v in derivation.pixel.values]
         return [values.index(name) / max(1, len(values) - 1)]
     raise InputError(f"{name} has no usual value: give {name}=0.5, or a list for one curve each")
+
+
+def draw_worst_case(worst: WorstCase, file: Any) -> None:
+    """The objective over the weight of the larger of two values, its worst pixel marked, into a file."""
+    from matplotlib.figure import Figure
+
+    weights, numbers = worst.curve()
+    figure = Figure(layout="constrained")
+    axes = figure.subplots()
+    axes.plot(weights, numbers)
+    axes.axhline(0, color="0.6", linewidth=0.8)
+    high = max(worst.pixel.values)
+    at = float(worst.pixel.law[high])
+    sign = -1.0 if worst.bias < 0 and worst.objective != "mse" else 1.0
+    axes.plot(
+        [at], [sign * float(worst.value.lower)], "o", label=f"|{worst.objective}| = {float(worst.value.lower):.6g}"
+    )
+    axes.set(xlabel=f"weight of {high}", ylabel=worst.objective, title=f"{worst.plan.name}: the worst pixel")
+    axes.legend()
+    figure.savefig(file)

@@ -61,7 +61,7 @@ class Population:
         return self._pixel.variance
 
     @property
-    def scale(self) -> Fraction:
+    def scale(self) -> Any:
         """Largest minus smallest value, 1 where constant."""
         return self._pixel.scale
 

@@ -61,7 +61,7 @@ def prove(plan: Any, *, k: int = 3, values: Sequence[Any] | None = None, **param
     'unbiased'
     >>> proof = prove(catalogue["kirk-arvo"], n=4)
     >>> proof.status, proof.counterexample, proof.bias
-    ('biased', Pixel({0: 2/3, 1: 1/3}), Fraction(-2, 27))
+    ('biased', Pixel({0: 2/3, 1: 1/3}), Fraction(-14, 243))
     """
     declared = as_plan(plan)
     bound = declared.bind(params)
@@ -105,9 +105,9 @@ def _over_pixels(plan: Plan, params: dict[str, Any], most: int, why: str) -> Pro
                 return found
             tried += 1
     for ordered in (False, True):
-        found = _for_all_values(plan, params, most, ordered)
-        if found is not None:
-            return found
+        proved = _for_all_values(plan, params, most, ordered)
+        if proved is not None:
+            return proved
     return Proof("unknown", f"{why}; no bias on any weights of the {tried} sets of values tried")
 
 

@@ -21,9 +21,11 @@ __all__ = ["Rates", "rates"]
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """The bias for n to infinity: its ``limit``, its ``leading`` term (a Piecewise where the weights decide
-    which W is largest), the ``rate`` W that it falls with by draw (1 for powers of n), and whether the plan
-    is ``consistent``: whether its bias vanishes in the limit (Kirk & Arvo 1991, section 3).
+    """What the bias does for n to infinity.
+
+    Its ``limit``; its ``leading`` term, a Piecewise where the weights decide which W is largest; the ``rate`` W
+    by which each draw shrinks it (1 for powers of n); and whether the plan is ``consistent``, its bias vanishing
+    in the limit (Kirk & Arvo 1991, section 3).
     """
 
     limit: Any

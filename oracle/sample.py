@@ -16,7 +16,7 @@ from truemean.errors import InputTypeError, PlanError
 from truemean.oracle.exact import exact_number
 from truemean.oracle.features import Level
 from truemean.oracle.importance import ratio_mean, weighted_columns
-from truemean.oracle.law import Law, SubLaw
+from truemean.oracle.law import Law
 from truemean.oracle.quantity import Decision, Quantity, Vector, constant
 from truemean.oracle.symbols import Ratio
 from truemean.oracle.tables import Table
@@ -196,7 +196,7 @@ class Sample:
             name, column = node.args[2], node.args[3] if self.colour else None
         else:
             name, column = node.op, node.args[2] if self.colour else None
-        if not sample.law.cost or isinstance(sample.law, SubLaw):
+        if not sample.law.drawn:
             return str(sample.name)
         older = "" if span == (0, len(sample.segments)) else f" at {text_span(sample, span)}"
         if name == "item":

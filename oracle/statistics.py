@@ -14,6 +14,7 @@ from truemean.oracle.assumptions import possible_signs
 from truemean.oracle.columns import Column, Ints, Surd, plus, symbolic, times
 from truemean.oracle.exact import exact_number
 from truemean.oracle.features import squares, total
+from truemean.oracle.law import Law
 from truemean.oracle.quantity import Node
 from truemean.oracle.rows import Entry, pool
 from truemean.oracle.symbols import Ratio
@@ -190,7 +191,7 @@ def _custom(seen: Observed, column: int, option: Any) -> Column:
         raise NoClosedForm(f"statistic {option.name} takes the values in ascending order: give one, ordered=True")
     values = [v if law.channels > 1 else v[0] for v in law.values]
     states = seen.state("sequence" if option.ordered else "counts").tolist()
-    known: dict[tuple[int, ...], Fraction] = {}
+    known: dict[tuple[int, ...], Any] = {}
     for state in map(tuple, states):
         if state not in known:
             atoms = state if option.ordered else [i for i, count in enumerate(state) for _ in range(count)]

@@ -88,16 +88,17 @@ class SymbolicLaw(Law):
         return Lattice(Fraction(0), Fraction(1), e, tuple(self.masses), 1)
 
     def monomials(self, exponents: Ints, coefficients: Ints) -> Ratio:
-        places = [self.field.place(str(mass)) for mass in self.masses]
-        if any(place is None for place in places) or len(set(places)) < len(places):
-            powers = [math.prod(m ** int(e) for m, e in zip(self.masses, row, strict=True)) for row in exponents]
-            return sum((p * int(c) for p, c in zip(powers, coefficients, strict=True)), self.field.number(0))
+        places = [place for mass in self.masses if (place := self.field.place(str(mass))) is not None]
+        if len(set(places)) < self.k:
+            products = [math.prod(m ** int(e) for m, e in zip(self.masses, row, strict=True)) for row in exponents]
+            terms = zip(products, coefficients, strict=True)
+            return sum((p * int(c) for p, c in terms), self.field.number(0))
         wide = np.zeros((len(exponents), self.field.width), dtype=np.int64)
         wide[:, places] = exponents
-        terms: dict[tuple[int, ...], int] = {}
-        for powers, coefficient in zip(map(tuple, wide.tolist()), coefficients.tolist(), strict=True):
-            terms[powers] = terms.get(powers, 0) + coefficient
-        return Ratio(self.field, self.field.context.from_dict(terms))
+        gathered: dict[tuple[int, ...], int] = {}
+        for row, coefficient in zip(wide.tolist(), coefficients.tolist(), strict=True):
+            gathered[tuple(row)] = gathered.get(tuple(row), 0) + coefficient
+        return Ratio(self.field, self.field.context.from_dict(gathered))
 
     def column(self, column: int) -> list[Any]:
         lattice = self.lattice(column)

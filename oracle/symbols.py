@@ -15,7 +15,6 @@ from fractions import Fraction
 from typing import Any
 
 from flint import fmpz_mpoly, fmpz_mpoly_ctx
-from flint.utils.flint_exceptions import IncompatibleContextError
 
 from truemean.errors import NoClosedForm
 
@@ -94,9 +93,9 @@ class Field:
     def power(self, base: Any, exponent: Ratio) -> Ratio:
         """``base ** exponent`` for an exponent that is an integer combination of symbols."""
         base = self.number(base)
-        if base == 1:
-            return base
         total = self.number(1)
+        if base == 1:
+            return total
         den = 1 if exponent.den is None else int(exponent.den.leading_coefficient())
         for powers, coefficient in exponent.lifted()[0].to_dict().items():
             if (exponent.den is not None and not exponent.den.is_constant()) or int(coefficient) % den:
@@ -217,13 +216,14 @@ class Ratio:
 
     # -- arithmetic ---------------------------------------------------------------------------
 
-    def __add__(self, other: Any) -> Ratio:
+    def __add__(self, other: Any) -> Any:
         num, den = self._pair(other)
         if num is NotImplemented:
             return NotImplemented
         if self.den is None and den is None:
             return Ratio(self.field, self.num + num)
-        mine, theirs = 1 if self.den is None else self.den, 1 if den is None else den
+        one = self.num.context().constant(1)
+        mine, theirs = one if self.den is None else self.den, one if den is None else den
         return Ratio.reduced(self.field, self.num * theirs + num * mine, mine * theirs)
 
     __radd__ = __add__
@@ -231,19 +231,20 @@ class Ratio:
     def __neg__(self) -> Ratio:
         return Ratio(self.field, -self.num, self.den)
 
-    def __sub__(self, other: Any) -> Ratio:
+    def __sub__(self, other: Any) -> Any:
         return NotImplemented if self._pair(other)[0] is NotImplemented else self + -other
 
-    def __rsub__(self, other: Any) -> Ratio:
+    def __rsub__(self, other: Any) -> Any:
         return -self + other
 
-    def __mul__(self, other: Any) -> Ratio:
+    def __mul__(self, other: Any) -> Any:
         num, den = self._pair(other)
         if num is NotImplemented:
             return NotImplemented
         if self.den is None and den is None:
             return Ratio(self.field, self.num * num)
-        mine, theirs = 1 if self.den is None else self.den, 1 if den is None else den
+        one = self.num.context().constant(1)
+        mine, theirs = one if self.den is None else self.den, one if den is None else den
         return Ratio.reduced(self.field, self.num * num, mine * theirs)
 
     __rmul__ = __mul__
@@ -260,15 +261,17 @@ class Ratio:
             )
         return Ratio.reduced(self.field, den, num)
 
-    def __truediv__(self, other: Any) -> Ratio:
+    def __truediv__(self, other: Any) -> Any:
         if isinstance(other, Ratio):
             return self * other.inverse()
-        return self * Fraction(1, other)
+        if self._pair(other)[0] is NotImplemented:
+            return NotImplemented
+        return self * (1 / Fraction(other) if isinstance(other, Fraction) else Fraction(1, int(other)))
 
-    def __rtruediv__(self, other: Any) -> Ratio:
+    def __rtruediv__(self, other: Any) -> Any:
         return self.inverse() * other
 
-    def __pow__(self, exponent: Any) -> Ratio:
+    def __pow__(self, exponent: Any) -> Any:
         if isinstance(exponent, Ratio):
             return self.field.power(self, exponent)
         if exponent < 0:
@@ -345,7 +348,7 @@ def root_relation(a: Any, b: Any, c: Any, op: str) -> Any:
     field = next(x.field for x in (a, b, c) if isinstance(x, Ratio))
     from truemean.oracle.formulas import root_condition
 
-    relation = root_condition(*(field.number(x) for x in (a, b, c)), op)
+    relation = root_condition(field.number(a), field.number(b), field.number(c), op)
     return relation if isinstance(relation, bool) else field.indicator(relation)
 
 

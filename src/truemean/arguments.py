@@ -16,9 +16,9 @@ from truemean.oracle.plan import Plan
 from truemean.oracle.plans import find_plan
 from truemean.oracle.scene import load_scene, shipped_scenes
 
-__all__ = ["check_destination", "read_pixel", "read_pixels", "read_plan", "read_range"]
+__all__ = ["check_destination", "read_pixel", "read_pixels", "read_plan", "read_range", "read_values"]
 
-PIXEL_FORMS = "'0:7/8,1:1/8', '(1,0,0):1/2,(0,1,0):1/2', 'standard:thin' or 'scene.json#12,7'"
+PIXEL_FORMS = "'0:7/8,1:1/8', '(1,0,0):1/2,(0,1,0):1/2', 'standard:thin', 'scene.json#12,7' or 'symbolic:2'"
 
 
 def read_plan(text: str, settings: Sequence[str] = ()) -> tuple[Plan, dict[str, Any]]:
@@ -30,6 +30,8 @@ def read_plan(text: str, settings: Sequence[str] = ()) -> tuple[Plan, dict[str, 
     >>> plan, params = read_plan("kirk-arvo?eps=1/4", ["n=8"])
     >>> plan.name, params
     ('kirk-arvo', {'n': 8, 'eps': Fraction(1, 4)})
+    >>> read_plan("kirk-arvo", ["n=n"])[1]
+    {'n': n, 'eps': 0}
     """
     plan = find_plan(text.partition("?")[0].strip())
     params: dict[str, Any] = dict(parse(text)[2])
@@ -40,11 +42,23 @@ def read_plan(text: str, settings: Sequence[str] = ()) -> tuple[Plan, dict[str, 
         if name in params:
             raise InputError(f"--set {setting!r}: {name} is given twice, give it once")
         params[name] = value
-    return plan, plan.bind(params)
+    return plan, plan.bind({name: _number_or_symbol(plan, name, value) for name, value in params.items()})
+
+
+def _number_or_symbol(plan: Plan, name: str, value: str) -> Any:
+    """A word that is no number is a symbol, unless the parameter is a word by default."""
+    parameter = plan.signature.parameters.get(name)
+    if not value.isidentifier() or parameter is None:
+        return value
+    if isinstance(parameter.default, str) and not parameter.default[:1].isdigit():
+        return value
+    from sympy import Symbol
+
+    return Symbol(value)
 
 
 def read_pixel(text: str) -> Pixel:
-    """The pixel X that PIXEL stands for: values with weights, one of a standard set, or one of a scene.
+    """The pixel X that PIXEL stands for: values with weights, one of a standard set, of a scene, or a symbolic one.
 
     >>> read_pixel("0:7/8, 1:0.125"), read_pixel("(1,0,0):1/2,(0,1,0):1/2").channels
     (Pixel({0: 7/8, 1: 1/8}), 3)
@@ -55,6 +69,8 @@ def read_pixel(text: str) -> Pixel:
     try:
         if "#" in written:
             return _scene_pixel(written)
+        if written.startswith("symbolic:"):
+            return _symbolic_pixel(written.removeprefix("symbolic:"))
         if written[:1].isalpha() and ":" in written:
             return pixel_by_name(written)
         return Pixel(_read_law(written))
@@ -84,6 +100,15 @@ def read_range(text: str | None) -> tuple[Fraction, Fraction] | None:
     return exact_number(low, "--range"), exact_number(high, "--range")
 
 
+def read_values(text: str | None) -> list[Value] | None:
+    """Values of a pixel, colours in parentheses.
+
+    >>> read_values("0,1/2")
+    [Fraction(0, 1), Fraction(1, 2)]
+    """
+    return None if text is None else [_read_value(part.strip()) for part in _split(text)]
+
+
 def check_destination(option: str, file: str | Path | None) -> None:
     """InputError now, rather than after the work, if nothing can be written to ``file``."""
     if file is None or str(file) == "-":
@@ -93,6 +118,21 @@ def check_destination(option: str, file: str | Path | None) -> None:
         raise InputError(f"{option} {str(file)!r} is a directory: give the name of a file")
     if not path.parent.is_dir():
         raise InputError(f"{option} {str(file)!r} is in no directory that exists: make {str(path.parent)!r} first")
+
+
+def _symbolic_pixel(text: str) -> Pixel:
+    """``2`` or ``k`` for so many open values, ``2,ordered`` for ascending ones, ``values=0,1`` for open weights only."""
+    if text.startswith("values="):
+        values = [exact_number(value, "value") for value in text.removeprefix("values=").split(",")]
+        return Pixel.symbolic(len(values), values=values)
+    count, _, order = text.partition(",")
+    if order not in ("", "ordered") or not (count.isdigit() or count.isidentifier()):
+        raise InputError(f"{text!r} is no symbolic pixel: write symbolic:2, symbolic:3,ordered or symbolic:values=0,1")
+    if count.isdigit():
+        return Pixel.symbolic(int(count), ordered=bool(order))
+    from sympy import Symbol
+
+    return Pixel.symbolic(Symbol(count), ordered=bool(order))
 
 
 def _scene_pixel(text: str) -> Pixel:

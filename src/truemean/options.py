@@ -40,7 +40,7 @@ PixelText = Annotated[
     typer.Option(
         metavar="PIXEL",
         help="Values with their weights, 0:7/8,1:1/8 or (1,0,0):1/2,(0,1,0):1/2; one of 'truemean list pixels', "
-        "standard:thin; or column and row of a scene, scene.json#12,7.",
+        "standard:thin; column and row of a scene, scene.json#12,7; or symbols, symbolic:2, symbolic:values=0,1.",
     ),
 ]
 PixelTexts = Annotated[
@@ -53,7 +53,11 @@ PixelTexts = Annotated[
 ]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the plan, exact: 4, 1/3, 0.05. Repeatable."),
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="A parameter of the plan, exact: 4, 1/3, 0.05; a word is a symbol: n=n. Repeatable.",
+    ),
 ]
 Declares = Annotated[
     str | None, typer.Option(metavar="PLAN?n=4", help="The plan that the subject should follow: is that so, too?")
@@ -62,7 +66,26 @@ Declares = Annotated[
 # -- how it is computed ---------------------------------------------------------------------------
 
 Arithmetic = Annotated[
-    str, typer.Option(metavar="exact|float64", help="Rational numbers, or floats with an error bound.")
+    str | None,
+    typer.Option(
+        metavar="exact|symbolic|ball|float64",
+        help="Rational numbers, formulas, enclosures, or floats with an error bound. "
+        "[default: exact, symbolic where a symbol is given]",
+    ),
+]
+Digits = Annotated[
+    int | None,
+    typer.Option(min=1, metavar="N", help="Enclose each result to so many decimal places (arithmetic ball)."),
+]
+Latex = Annotated[bool, typer.Option("--latex", help="Print each result as a LaTeX equation, and nothing else.")]
+Objective = Annotated[str, typer.Option(metavar="bias|relative-bias|mse", help="What is to be as bad as possible.")]
+Count = Annotated[
+    int, typer.Option("-k", "--k", min=2, metavar="K", help="How many values the pixel has, evenly spaced.")
+]
+Values = Annotated[str | None, typer.Option(metavar="V,...", help="The values of the pixel, instead of 0 to 1 evenly.")]
+WorstDigits = Annotated[int, typer.Option("--digits", min=1, metavar="N", help="Decimal digits to certify.")]
+Curve = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Draw the curve over the weight of 1; the suffix is the format.")
 ]
 Rows = Annotated[int | None, typer.Option(min=1, metavar="N", help="The most rows that may be told apart.")]
 Tolerance = Annotated[

@@ -16,7 +16,7 @@ from truemean.adapters import Available
 from truemean.conformance.pixels import SETS
 from truemean.conformance.plain import plain
 from truemean.conformance.verdict import Case, PlanCheck, Report, Verdict
-from truemean.oracle import Approx
+from truemean.oracle import Approx, Enclosure, Proof, WorstCase
 from truemean.oracle.derivation import Derivation, DerivedPath
 from truemean.oracle.pixel import Pixel, Value
 from truemean.oracle.plan import Plan
@@ -30,8 +30,13 @@ __all__ = [
     "print_adapters",
     "print_derivation",
     "print_judgement",
+    "print_latex",
     "print_pixels",
     "print_plans",
+    "print_proof",
+    "print_worst_case",
+    "proof_json",
+    "worst_case_json",
 ]
 
 RESULTS = ("expectation", "bias", "relative_bias", "variance", "std", "mse", "cost", "oracle_calls")
@@ -72,7 +77,7 @@ def results(derivation: Derivation) -> dict[str, Any]:
     return {name: found[name] for name in RESULTS}
 
 
-def derivation_json(derivation: Derivation, params: Mapping[str, Any], arithmetic: str) -> dict[str, Any]:
+def derivation_json(derivation: Derivation, params: Mapping[str, Any]) -> dict[str, Any]:
     """A derivation for ``json.dumps``, as `plain` writes it."""
     plan, X = derivation.plan, derivation.pixel
     paths = [
@@ -83,7 +88,7 @@ def derivation_json(derivation: Derivation, params: Mapping[str, Any], arithmeti
             "schema": "truemean-derive/1",
             "plan": {name: getattr(plan, name) for name in ("name", "source", "unbiased", "why")} | {"params": params},
             "pixel": {"values": X.values, "weights": X.weights, "true_mean": X.mean},
-            "arithmetic": arithmetic,
+            "arithmetic": derivation.arithmetic,
             **results(derivation),
             "paths": paths,
             "level": {sample: str(level) for sample, level in derivation.level.items()},
@@ -95,13 +100,18 @@ def derivation_json(derivation: Derivation, params: Mapping[str, Any], arithmeti
 
 def print_derivation(derivation: Derivation, params: Mapping[str, Any]) -> None:
     """The results, the paths that the bias is a sum of, and what was modelled for it."""
+    if derivation.symbolic:
+        _show(str(derivation))
+        return
     plan, X = derivation.plan, derivation.pixel
     _show(f"{call(plan, params)} on {_law(X)}; true mean {_inline(X.mean)}")
     _show("; ".join(filter(None, (plan.source, _unbiased(plan)))))
-    table = _table("result", "decimal", "exactly" if isinstance(derivation.cost, Fraction) else "error at most")
+    beside = {Fraction: "exactly", Enclosure: "at most"}.get(type(derivation.cost), "error at most")
+    table = _table("result", "decimal" if beside != "at most" else "at least", beside)
     for name, value in results(derivation).items():
         for suffix, part in _channels(value):
-            table.add_row(name.replace("_", " ") + suffix, decimal(part), _beside(part))
+            number = part.texts[0] if isinstance(part, Enclosure) else decimal(part)
+            table.add_row(name.replace("_", " ") + suffix, number, _beside(part))
     _show(table)
     paths = sorted(derivation.paths, key=_size, reverse=True)
     table = _table("path: what the plan decided", "probability", "contribution to the bias")
@@ -115,15 +125,78 @@ def print_derivation(derivation: Derivation, params: Mapping[str, Any]) -> None:
     _show(f"modelled for the bias: {modelled}; rows: {derivation.rows:,}")
 
 
-def _root(variance: Any) -> float:
+def print_latex(derivation: Derivation) -> None:
+    """Every result as an equation, one a line."""
+    for name in ("expectation", "bias", "variance", "mse", "cost", "oracle_calls"):
+        _show(derivation.latex(name))
+
+
+def proof_json(plan: Plan, params: Mapping[str, Any], proof: Proof) -> dict[str, Any]:
+    """A proof for ``json.dumps``, its certificate as `check_certificate` reads it."""
+    X = proof.counterexample
+    data: dict[str, Any] = plain(
+        {
+            "schema": "truemean-proof/1",
+            "plan": {"name": plan.name, "params": params},
+            "status": proof.status,
+            "reason": proof.reason,
+            "counterexample": None if X is None else {"values": X.values, "weights": X.weights},
+            "bias": proof.bias,
+        }
+    )
+    return data | {"certificate": proof.certificate}
+
+
+def print_proof(plan: Plan, params: Mapping[str, Any], proof: Proof) -> None:
+    """The answer, why, and the pixel that shows a bias."""
+    _show(f"{call(plan, params)}: {proof.status}")
+    _show(proof.reason)
+    if proof.counterexample is not None:
+        bias = ", ".join(_both(part) for _, part in _channels(proof.bias))
+        _show(f"smallest counterexample: {_law(proof.counterexample)}; bias {bias}")
+
+
+def worst_case_json(worst: WorstCase) -> dict[str, Any]:
+    """The worst case for ``json.dumps``."""
+    data: dict[str, Any] = plain(
+        {
+            "schema": "truemean-worst-case/1",
+            "plan": {"name": worst.plan.name, "params": worst.params},
+            "objective": worst.objective,
+            "value": worst.value,
+            "attained": worst.attained,
+            "complete": worst.complete,
+            "pixel": {"values": worst.pixel.values, "weights": worst.pixel.weights},
+            "bias": worst.bias,
+        }
+    )
+    return data
+
+
+def print_worst_case(worst: WorstCase) -> None:
+    """The enclosure, and a pixel that is as bad."""
+    _show(f"{call(worst.plan, worst.params)}: the largest |{worst.objective}| over all weights")
+    lower, upper = worst.value.texts
+    _show(f"{lower} <= |{worst.objective}| <= {upper}" if lower != upper else f"|{worst.objective}| = {lower}")
+    how = "attained" if worst.attained else "a limit, which no pixel attains"
+    _show(how if worst.complete else f"{how}; not all digits could be certified with the work allowed")
+    _show(f"at {_law(worst.pixel)}, where the bias is {decimal(worst.bias)}")
+
+
+def _root(variance: Any) -> Any:
+    if hasattr(variance, "free_symbols"):
+        from sympy import sqrt
+
+        return sqrt(variance)
     if isinstance(variance, Fraction):  # which may be smaller than any float, though its root is none
         return float((Decimal(variance.numerator) / Decimal(variance.denominator)).sqrt())
-    return math.sqrt(max(float(variance), 0.0))
+    return math.sqrt(max(float(variance.upper if isinstance(variance, Enclosure) else variance), 0.0))
 
 
 def _size(path: DerivedPath) -> Any:
     """How much a path contributes, in the channel where that is most."""
-    return max(abs(part.value if isinstance(part, Approx) else part) for _, part in _channels(path.bias))
+    numbers = (part for _, part in _channels(path.bias))
+    return max(abs(part.value if isinstance(part, Approx | Enclosure) else part) for part in numbers)
 
 
 def _channels(value: Any) -> Iterable[tuple[str, Any]]:
@@ -142,6 +215,8 @@ def _beside(value: Any) -> str:
             return shortened(value)
         case Approx():
             return decimal(value.error, 2)
+        case Enclosure():
+            return value.texts[1]
         case None:
             return "undefined where the true mean is 0"
         case _:
@@ -150,6 +225,8 @@ def _beside(value: Any) -> str:
 
 def _both(value: Any) -> str:
     """The decimal, and p/q where that is short."""
+    if isinstance(value, Enclosure):
+        return decimal(value.lower, 6)
     rounded, ratio = decimal(value, 6), shortened(value) if isinstance(value, Fraction) else ""
     return f"{rounded} = {ratio}" if "/" in ratio and len(ratio) <= SHORT else rounded
 

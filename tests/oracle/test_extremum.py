@@ -5,6 +5,7 @@ from collections import Counter
 from fractions import Fraction
 from itertools import combinations_with_replacement, product
 from math import comb, factorial, prod
+from typing import Any
 
 import mpmath
 import pytest
@@ -17,6 +18,7 @@ from truemean.oracle.branching import _negative_semidefinite
 from truemean.oracle.extremum import Extremum, below, supremum, supremum_ratio, supremum_simplex
 
 F = Fraction
+HALF: Any = 0.5  # of a type that is refused
 rationals = st.fractions(min_value=-3, max_value=3, max_denominator=12)
 univariate = st.lists(rationals, max_size=7)
 
@@ -370,7 +372,7 @@ def test_the_precision_is_left_as_it_was():
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: supremum([0.5]), InputTypeError, "coefficients: 0.5 isn't rational"),
+        (lambda: supremum([HALF]), InputTypeError, "coefficients: 0.5 isn't rational"),
         (lambda: supremum([1], digits=0), InputError, "digits: 0"),
         (lambda: supremum_ratio([1], []), InputError, "den: []"),
         (lambda: supremum_ratio([1], [1, -1]), InputError, "den: [1, -1] isn't positive"),
@@ -379,8 +381,8 @@ def test_the_precision_is_left_as_it_was():
         (lambda: supremum_ratio([1], [0, 1]), InputError, "num: [1] has fewer factors w than den"),
         (lambda: supremum_simplex({(1, 0): F(1)}, 3), InputError, "terms: (1, 0) isn't an exponent for k = 3"),
         (lambda: supremum_simplex({(1, -1): F(1)}, 2), InputError, "terms: (1, -1)"),
-        (lambda: supremum_simplex({(1, 1): 0.5}, 2), InputTypeError, "terms: 0.5"),
-        (lambda: below([1], 0.5), InputTypeError, "tolerance: 0.5"),
+        (lambda: supremum_simplex({(1, 1): HALF}, 2), InputTypeError, "terms: 0.5"),
+        (lambda: below([1], HALF), InputTypeError, "tolerance: 0.5"),
         (lambda: below([1], F(1), near=F(2)), InputError, "near: 2 is outside"),
     ],
 )
