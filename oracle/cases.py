@@ -268,7 +268,8 @@ class Formulas:
         if not used_generators(ratio) & self._last.keys():
             return ratio
         num, den = map(self._evaluated, ratio.lifted())
-        return num / den
+        spread: Ratio = num / den
+        return spread
 
     def _evaluated(self, polynomial: Any) -> Ratio:
         field, total = self.field, self.field.number(0)

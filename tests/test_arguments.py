@@ -91,7 +91,7 @@ def test_a_plan_imports_its_neighbours_from_any_directory(folder, monkeypatch):
         ("kirk-arvo", ["n="], InputError, "--set 'n=' is not name=value"),
         ("kirk-arvo", ["n=4", "n=5"], InputError, "--set 'n=5': n is given twice"),
         ("kirk-arvo?n=4", ["n=5"], InputError, "n is given twice"),
-        ("kirk-arvo", ["n=four"], InputError, "n='four' is not a number"),
+        ("kirk-arvo", ["n=4.5.6"], InputError, "n='4.5.6' is not a number"),
         ("kirk-arvo", ["n=1/0"], InputError, "n='1/0' is not a number"),
         ("plans_of_a_reader.py", [], InputError, "write plans_of_a_reader.py:my_plan"),
         ("plans_of_a_reader.py:two_mean", [], UnknownName, "did you mean two_means"),

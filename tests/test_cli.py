@@ -25,7 +25,7 @@ def folder(tmp_path, monkeypatch):
 # -- help -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["derive", "judge", "report", "figure", "list"])
+@pytest.mark.parametrize("name", ["derive", "prove", "worst-case", "judge", "report", "figure", "list", "repl"])
 def test_every_command_explains_each_option_and_gives_an_example(name):
     code, out, _ = call(name, "--help")
     assert code == 0
@@ -43,9 +43,9 @@ def test_the_help_of_judge_says_what_ci_needs_to_know():
 
 
 def test_the_examples_of_the_help_can_be_typed(folder):
-    examples = [line.strip() for name in ("derive", "list") for line in call(name, "--help")[1].splitlines()]
+    examples = [line.strip() for name in ("derive", "prove", "worst-case", "list") for line in call(name, "--help")[1].splitlines()]
     own = [line.removeprefix("truemean ") for line in examples if line.startswith("truemean ") and "my_" not in line]
-    assert len(own) == 4
+    assert len(own) == 8
     for example in own:
         assert call(*(word.strip('"') for word in example.split()))[0] == 0
 

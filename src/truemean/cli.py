@@ -180,9 +180,9 @@ def worst_case(
     check_destination("--json", json)
     check_destination("--out", out)
     chosen, params = read_plan(plan, settings or ())
-    asked = {"objective": objective.replace("-", " "), "k": k, "values": read_values(values), "digits": digits}
+    asked: dict[str, Any] = {"objective": objective.replace("-", " "), "k": k, "values": read_values(values)}
     with working("searching"), plan_errors(chosen):
-        worst = find_worst_case(chosen, **asked, **params)
+        worst = find_worst_case(chosen, digits=digits, **asked, **params)
     if json is not None:
         write_json(json, worst_case_json(worst))
     if out is not None:

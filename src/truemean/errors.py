@@ -15,6 +15,7 @@
     |       |-- UndefinedValue             0/0 on some row, and no policy declared
     |       |-- UndecidedTie               a comparison that no precision decides
     |       |-- NotExact                   an irrational estimate asked for in exact arithmetic
+    |       |-- NoClosedForm               no formula in the symbols (says which of them to make concrete)
     |       `-- RowBudgetExceeded          more rows than allowed (says what asked for them)
     |-- SubjectError                       the estimator under test broke: exit code 4
     `-- Unsupported                        an estimator declines a pixel: the case is skipped
