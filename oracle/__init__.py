@@ -2,6 +2,7 @@
 
 from truemean.oracle.certificate import check_certificate
 from truemean.oracle.derivation import Derivation, derive
+from truemean.oracle.display import Comparison, compare
 from truemean.oracle.enclosure import Enclosure
 from truemean.oracle.float64 import Approx
 from truemean.oracle.many import Many, derive_many
@@ -13,6 +14,7 @@ from truemean.oracle.worst_case import WorstCase, smallest_n, worst_case
 
 __all__ = [
     "Approx",
+    "Comparison",
     "Derivation",
     "Enclosure",
     "Many",
@@ -21,6 +23,7 @@ __all__ = [
     "Proof",
     "WorstCase",
     "check_certificate",
+    "compare",
     "derive",
     "derive_many",
     "plan",

@@ -69,10 +69,10 @@ def _evaluated(derivation: Derivation, numbers: dict[str, float], w: NDArray[np.
 
     values = [_number(v, numbers) for v in derivation.pixel.values]
     params = {name: _number(value, numbers) for name, value in derivation.params.items()}
+    if len(set(values)) < len(values):
+        raise InputError(f"values {', '.join(map(str, values))} coincide: the formula holds for distinct values")
     X = Pixel(dict.fromkeys(values, Fraction(1, len(values))))
     found = derive(derivation.plan, X, **params)
-    if len(X.values) < len(values):
-        raise InputError(f"values {', '.join(map(str, values))} coincide: the formula holds for distinct values")
     parts = [
         getattr(found.at(w[:, start : start + _MOST_WEIGHTS_AT_ONCE]), result)
         for start in range(0, w.shape[1], _MOST_WEIGHTS_AT_ONCE)

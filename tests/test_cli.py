@@ -43,7 +43,11 @@ def test_the_help_of_judge_says_what_ci_needs_to_know():
 
 
 def test_the_examples_of_the_help_can_be_typed(folder):
-    examples = [line.strip() for name in ("derive", "prove", "worst-case", "list") for line in call(name, "--help")[1].splitlines()]
+    examples = [
+        line.strip()
+        for name in ("derive", "prove", "worst-case", "list")
+        for line in call(name, "--help")[1].splitlines()
+    ]
     own = [line.removeprefix("truemean ") for line in examples if line.startswith("truemean ") and "my_" not in line]
     assert len(own) == 8
     for example in own:
