@@ -83,6 +83,8 @@ def read_size(field: Field, given: Any) -> Ratio:
     size = read(field, given)
     if any(field.generators[place].kind == "condition" for place in size.places):
         raise NoClosedForm(f"the sample size {size} depends on what a symbol decides: write the comparison as an if")
+    if size.den is not None:
+        raise NoClosedForm(f"the sample size {size} is no integer combination of symbols: use n, m, n + 2")
     for powers in size.lifted()[0].monoms():
         for place, used in enumerate(powers):
             if used and field.generators[place].kind == "symbol":

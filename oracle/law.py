@@ -14,8 +14,11 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from truemean.oracle.columns import Ints, integers, quotient
 from truemean.oracle.subsets import Family, family
+from truemean.oracle.symbols import Ratio
 
 __all__ = ["Lattice", "Law"]
 
@@ -69,7 +72,7 @@ class Law:
         self._weights: tuple[Any, ...] = tuple(weight for _, weight in pairs)
         self._values: tuple[Atom, ...] = tuple(atom for atom, _ in pairs)
         self.channels = len(self.values[0])
-        self.ratios: dict[Atom, Fraction] | None = None  # density ratios of a proposal
+        self.ratios: dict[Atom, Any] | None = None  # density ratios of a proposal
         self.open = False  # whether the weights only stand for others, to be given later
         self._lattices = [self._read_lattice(list(column)) for column in zip(*self.values, strict=True)]
 
@@ -140,7 +143,7 @@ class Law:
     def column(self, column: int) -> list[Any]:
         """The column's number at each atom."""
         lattice = self.lattice(column)
-        return [lattice.base + lattice.step * int(e) for e in lattice.e]
+        return [lattice.base + lattice.step * e for e in lattice.e.tolist()]
 
     def mean(self, column: int) -> Any:
         """The true mean of a column."""
@@ -164,7 +167,7 @@ class Law:
         """Smallest and largest value of sets of atoms whose order is not known."""
         raise AssertionError("the order of numbers is known")
 
-    def add_column(self, values: Sequence[Fraction]) -> int:
+    def add_column(self, values: Sequence[Any]) -> int:
         """Attach a further column; the same numbers get the same place."""
         for number in range(len(self._lattices)):
             if self.column(number) == list(values):
@@ -172,7 +175,11 @@ class Law:
         self._lattices.append(self._read_lattice(list(values)))
         return len(self._lattices) - 1
 
-    def _read_lattice(self, values: list[Fraction]) -> Lattice:
+    def _read_lattice(self, values: list[Any]) -> Lattice:
+        if any(isinstance(v, Ratio) for v in values):
+            field = next(v.field for v in values if isinstance(v, Ratio))
+            e = np.array([field.number(v) for v in values], dtype=object)
+            return Lattice(Fraction(0), Fraction(1), e, tuple(self.masses), self.unit)
         unit = math.lcm(*(v.denominator for v in values))
         numbers = [v.numerator * (unit // v.denominator) for v in values]
         base = min(numbers)

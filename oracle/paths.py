@@ -287,7 +287,7 @@ class Path:
 
     def proposal(self, pixel: Pixel, proposal: Any) -> Law:
         """The law of a proposal; the same one on every path."""
-        law = proposal_law(pixel, proposal)
+        law = proposal_law(pixel, proposal, self.symbol)
         return self.exploration.laws.setdefault(("proposal", pixel.values, pixel.weights, law.weights), law)
 
     def law_of(self, pixel: Pixel) -> Law:

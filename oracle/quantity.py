@@ -171,6 +171,11 @@ class Quantity(Node):
     def __bool__(self) -> NoReturn:
         raise PlanError(f"the truth of {self!r} is not defined: compare it with something, e.g. {self!r} > 0")
 
+    def _sympy_(self) -> NoReturn:
+        from sympy import SympifyError
+
+        raise SympifyError(f"{self!r} has many values")  # so that symbol * quantity is a quantity
+
     def __float__(self) -> NoReturn:
         raise PlanError(f"{self!r} has many values and is no float: use np.sqrt and the like instead of math.sqrt")
 

@@ -81,12 +81,6 @@ class SymbolicLaw(Law):
         signs = frozenset().union(*(possible_signs(v) for (v,) in self._values))
         return min(signs)
 
-    def _read_lattice(self, values: list[Any]) -> Lattice:
-        if not any(isinstance(v, Ratio) for v in values):
-            return super()._read_lattice(values)
-        e = np.array([self.field.number(v) for v in values], dtype=object)
-        return Lattice(Fraction(0), Fraction(1), e, tuple(self.masses), 1)
-
     def monomials(self, exponents: Ints, coefficients: Ints) -> Ratio:
         places = [place for mass in self.masses if (place := self.field.place(str(mass))) is not None]
         if len(set(places)) < self.k:
@@ -99,10 +93,6 @@ class SymbolicLaw(Law):
         for row, coefficient in zip(wide.tolist(), coefficients.tolist(), strict=True):
             gathered[tuple(row)] = gathered.get(tuple(row), 0) + coefficient
         return Ratio(self.field, self.field.context.from_dict(gathered))
-
-    def column(self, column: int) -> list[Any]:
-        lattice = self.lattice(column)
-        return [lattice.base + lattice.step * e for e in lattice.e.tolist()]
 
     def ends(self, support: Ints) -> tuple[Ints, Ints]:
         """Smallest and largest value of unordered sets of atoms, as numbers of their own."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from numbers import Integral
 from typing import Any
 
 from flint import fmpz_mpoly, fmpz_mpoly_ctx
@@ -91,16 +92,13 @@ class Field:
         return Ratio(self, self.context.constant(num), None if den == 1 else self.context.constant(den))
 
     def power(self, base: Any, exponent: Ratio) -> Ratio:
-        """``base ** exponent`` for an exponent that is an integer combination of symbols."""
+        """``base ** exponent`` for an exponent that is a polynomial in symbols, such as 2 n + 1."""
         base = self.number(base)
         total = self.number(1)
         if base == 1:
             return total
-        den = 1 if exponent.den is None else int(exponent.den.leading_coefficient())
         for powers, coefficient in exponent.lifted()[0].to_dict().items():
-            if (exponent.den is not None and not exponent.den.is_constant()) or int(coefficient) % den:
-                raise NoClosedForm(f"the sample size {exponent} is no integer combination of symbols: use n, m, n + 2")
-            times, used = int(coefficient) // den, [(i, int(e)) for i, e in enumerate(powers) if e]
+            times, used = int(coefficient), [i for i, e in enumerate(powers) if e]
             if not used:
                 total = total * base**times
                 continue
@@ -210,7 +208,7 @@ class Ratio:
         if isinstance(other, Fraction):
             den = other.denominator
             return other.numerator, None if den == 1 else self.num.context().constant(den)
-        if hasattr(other, "__index__"):
+        if isinstance(other, Integral):  # NumPy's
             return int(other), None
         return NotImplemented, None
 

@@ -292,10 +292,10 @@ def _exponents(law: Law, sums: list[str]) -> list[tuple[int, ...]]:
 
 def _too_wide(law: Law, n: int, wanted: Level) -> bool:
     """Whether the exponents would outgrow the polynomials (values taken from binary floats do), or are formulas."""
-    if law.symbolic:
-        return any(f.startswith(("sum", "squares")) for f in wanted)
     for feature in wanted:
         if feature.startswith(("sum", "squares")):
+            if law.symbolic or symbolic(law.lattice(int(feature.split(":")[1])).e):
+                return True
             degree = 2 if feature.startswith("squares") else 1
             if n * largest(law.lattice(int(feature.split(":")[1])).e) ** degree >= _EXPONENT_LIMIT:
                 return True
