@@ -147,7 +147,12 @@ def _cell(value: Any) -> str:
 
 def _html_table(columns: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     head = "".join(f"<th style='text-align:left'>{c}</th>" for c in columns)
-    body = "".join("<tr>" + "".join(f"<td style='text-align:left'>{c}</td>" for c in row) + "</tr>" for row in rows)
+    body = "".join(
+        f"<tr><td style='text-align:left;white-space:nowrap'>{first}</td>"
+        + "".join(f"<td style='text-align:left'>{c}</td>" for c in rest)
+        + "</tr>"
+        for first, *rest in rows
+    )
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 

@@ -70,12 +70,13 @@ def prove(plan: Any, *, k: int = 3, values: Sequence[Any] | None = None, **param
     structure = structural_proof(declared, bound)
     if structure.proved:
         return Proof("unbiased", structure.reason)
+    why = structure.reason.removeprefix("not proved: ")
     by_symbol = [name for name, value in bound.items() if is_symbolic(value)]
     if by_symbol:
-        return Proof("unknown", f"{structure.reason}; give {', '.join(by_symbol)} a number for more than the structure")
+        return Proof("unknown", f"{why}; give {', '.join(by_symbol)} a number for more than the structure")
     if values is not None:
-        return _at_values(declared, bound, list(values), structure.reason)
-    return _over_pixels(declared, bound, k, structure.reason)
+        return _at_values(declared, bound, list(values), why)
+    return _over_pixels(declared, bound, k, why)
 
 
 def _at_values(plan: Plan, params: dict[str, Any], values: list[Any], why: str) -> Proof:

@@ -104,6 +104,8 @@ class Shown:
             "variance": lambda: d.variances,
             "expectation": lambda: [b + t for b, t in zip(d.biases, d.truths, strict=True)],
         }
+        if name == "relative_bias" and d.symbolic and not d.colour and len(d.field.number(d.truths[0]).num) > 1:
+            return self.short("bias") / formula(d.truths[0], d.truths[0])
         if not d.symbolic or name not in numbers:
             return getattr(d, name)
         found = [formula(x, d.truths[c]) for c, x in enumerate(numbers[name]())]
