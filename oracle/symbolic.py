@@ -15,7 +15,7 @@ from truemean.errors import AssumptionError
 from truemean.oracle.assumptions import declare_values, declare_weight, possible_signs
 from truemean.oracle.columns import Ints
 from truemean.oracle.exact import is_symbolic
-from truemean.oracle.law import Lattice, Law
+from truemean.oracle.law import Law
 from truemean.oracle.symbols import Field, Generator, Ratio
 
 __all__ = ["SymbolicLaw"]
