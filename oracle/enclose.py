@@ -22,7 +22,7 @@ from truemean.oracle.wording import text
 if TYPE_CHECKING:
     from truemean.oracle.evaluate import Evaluator
 
-__all__ = ["enclosures", "signs"]
+__all__ = ["enclosures", "precision", "signs"]
 
 _MOST_BITS = 10_000
 
@@ -61,13 +61,14 @@ def signs(evaluator: Evaluator, left: Node, right: Node) -> tuple[Any, Any]:
 
 def enclosures(evaluator: Evaluator, node: Node, bits: int) -> list[arb]:
     """A ball around the value of a quantity on every row, computed with ``bits`` bits."""
-    with _precision(bits):
+    with precision(bits):
         balls = _Enclosing(evaluator).balls(node)
         return balls if len(balls) == evaluator.block.size else balls * evaluator.block.size
 
 
 @contextmanager
-def _precision(bits: int) -> Iterator[None]:
+def precision(bits: int) -> Iterator[None]:
+    """Compute with so many bits, and with as many as before afterwards."""
     before, ctx.prec = ctx.prec, bits
     try:
         yield

@@ -7,7 +7,6 @@ a rational value are divisibility by the factor they are roots of. In more varia
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain, count
@@ -15,10 +14,11 @@ from math import floor, lcm
 from numbers import Rational
 from typing import Any
 
-from flint import arb, ctx, fmpq, fmpq_poly, fmpz_poly
+from flint import arb, fmpq, fmpq_poly, fmpz_poly
 
 from truemean.errors import InputError, InputTypeError
 from truemean.oracle.branching import Form, maximise
+from truemean.oracle.enclose import precision
 
 __all__ = ["Extremum", "below", "supremum", "supremum_ratio", "supremum_simplex"]
 
@@ -171,7 +171,7 @@ class _Curve:
 
     def balls(self, factors: Iterable[fmpz_poly], bits: int) -> list[tuple[arb, arb]]:
         """Enclosures ``(w, |p(w)|)`` for the roots of the factors, w ascending."""
-        with _precision(bits):
+        with precision(bits):
             found = [(w, abs(self.num(w) / self.den(w))) for f in factors for w in _roots(f, bits)]
         return sorted(found, key=lambda pair: _low(pair[0]))
 
@@ -180,7 +180,7 @@ class _Curve:
         bound = fmpq(value.numerator, value.denominator)
         for bits in _doubling(_START_BITS):
             balls = self.balls(factors, bits)
-            with _precision(bits):
+            with precision(bits):
                 if any(v > bound for _, v in balls):
                     return True
                 if all(v < bound for _, v in balls):
@@ -238,25 +238,13 @@ def _split(poly: fmpz_poly) -> tuple[list[Fraction], list[fmpz_poly]]:
 def _roots(factor: fmpz_poly, bits: int) -> list[arb]:
     """Enclosures of the roots in (0, 1) of an irreducible factor, none of them rational."""
     for enough in _doubling(bits):
-        with _precision(enough):
+        with precision(enough):
             isolated: Any = factor.complex_roots()
             real = [z.real for z, _ in isolated if z.imag == 0]
             inside = [z for z in real if z > 0 and z < 1]
             if len(inside) + sum(bool(z < 0 or z > 1) for z in real) == len(real):
                 return inside
     raise AssertionError  # pragma: no cover
-
-
-@contextmanager
-def _precision(bits: int) -> Iterator[None]:
-    before, ctx.prec = ctx.prec, bits
-    try:
-        yield
-    finally:
-        ctx.prec = before
-
-
-# -- rationals ---------------------------------------------------------------------------------------
 
 
 def _unit(digits: int, value: Fraction) -> Fraction:
