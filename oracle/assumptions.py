@@ -136,7 +136,7 @@ def possible_signs(ratio: Ratio) -> frozenset[int]:
 def _signs(field: Field, polynomial: Any) -> frozenset[int]:
     """Substitute bounds until none is left to substitute, then look at the coefficients."""
     known = field.generators
-    spread = polynomial
+    spread = _homogeneous(field, polynomial)
     for place in reversed(range(len(known))):
         g = known[place]
         if g.sign and (g.base or g.sign < 0) and spread.degrees()[place]:
@@ -149,6 +149,18 @@ def _signs(field: Field, polynomial: Any) -> frozenset[int]:
         return _ANY
     certain = any(all(known[i].strict and known[i].sign for i, e in enumerate(powers) if e) for powers in terms)
     return frozenset(signs if certain else signs | {0})
+
+
+def _homogeneous(field: Field, polynomial: Any) -> Any:
+    """The polynomial with every term brought to the same degree in weights that sum to 1, by factors of that sum."""
+    for places in field.simplices:
+        by_degree: dict[int, dict[tuple[int, ...], int]] = {}
+        for powers, coefficient in polynomial.to_dict().items():
+            by_degree.setdefault(sum(int(powers[p]) for p in places), {})[powers] = int(coefficient)
+        whole = sum((field.context.gens()[p] for p in places[1:]), field.context.gens()[places[0]])
+        parts = [field.context.from_dict(terms) * whole ** (max(by_degree) - d) for d, terms in by_degree.items()]
+        polynomial = sum(parts[1:], parts[0])
+    return polynomial
 
 
 def _substituted(field: Field, polynomial: Any, place: int, base: Ratio, sign: int) -> Any:

@@ -50,7 +50,7 @@ def observed(path: Path) -> Observed:
 
 def _path_law(rows: Rows, by_channel: list[list[Quantity]], ring: Ring, lenient: bool) -> dict[Any, Any]:
     """Integer keys over one denominator by channel: laws of blocks by value, then their convolution."""
-    blocks = [*rows.blocks, Block((), 1)]
+    blocks = [*(b for b in rows.blocks if b.entries), Block((), 1)]
     evaluators = [Evaluator(block, lenient) for block in blocks]
     columns = [[_block_value(e, rows, terms) for terms in by_channel] for e in evaluators]
     units = [math.lcm(*(c[i].common()[1] for c in columns)) for i in range(len(by_channel))]
@@ -66,6 +66,9 @@ def _path_law(rows: Rows, by_channel: list[list[Quantity]], ring: Ring, lenient:
         else:
             shift = [_whole((v * Column.constant(u)).fractions()[0]) for v, u in zip(values, units, strict=True)]
             law = {tuple(a + b for a, b in zip(k, shift, strict=True)): p for k, p in law.items()}
+    for block in rows.blocks:
+        if not block.entries:
+            law = {key: p * block.mass(ring) for key, p in law.items()}
     return {tuple(map(quotient, key, units)): _number(p, unit) for key, p in law.items()}
 
 

@@ -219,6 +219,8 @@ class Path:
 
     def _size(self, n: Any, least: int) -> Any:
         """A number of draws: an integer, a formula in symbols, or a quantity that differs by row."""
+        if isinstance(n, Quantity) and (fixed := _constant(n)) is not None:
+            n = fixed
         if not is_symbolic(n) and not isinstance(n, Ratio):
             return _size(n, least)
         size = read_size(self.exploration.field, n)

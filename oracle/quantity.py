@@ -32,7 +32,6 @@ __all__ = [
     "constant",
     "decision",
     "quantity",
-    "where",
 ]
 
 
@@ -347,15 +346,6 @@ def decision(value: Any) -> Decision:
     if isinstance(value, bool | np.bool_):
         return Decision("truth", bool(value))
     raise PlanError(f"{value!r} is not a decision: compare quantities, e.g. S.range() <= eps")
-
-
-def where(condition: Any, yes: Any, no: Any) -> Any:
-    """``yes`` on the rows where the decision holds, ``no`` elsewhere, without splitting the path."""
-    if any(isinstance(x, Vector) for x in (condition, yes, no)):
-        return by_channel(where, condition, yes, no)
-    if not isinstance(condition, Decision):
-        return yes if condition else no
-    return Quantity("where", condition, quantity(yes), quantity(no))
 
 
 def _numpy() -> Any:

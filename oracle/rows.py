@@ -54,8 +54,8 @@ class Block:
 
     def mass(self, ring: Ring) -> Any:
         """The probability of the whole block."""
-        if not self.entries:
-            return ring.number(Fraction(1))
+        if not self.entries:  # what a symbol decided before anything was drawn
+            return ring.number(Fraction(1)) if self.factor is None else ring.vector(self.factor).sum()
         if len(self.entries) == 1 and self.factor is None:
             (entry,) = self.entries
             return entry.table.weigh(ring, 0, 0, Column.constant(1), entry.index)
@@ -150,6 +150,7 @@ class Rows:
         A row whose truth a symbol decides goes to both sides, times its condition or the negation.
         """
         if symbolic(holds):
+            block = block if block.entries else next((b for b in self.blocks if not b.entries), block)
             return self._divided(block, holds), self._divided(block, 1 - holds)
         sides: list[Rows | None] = []
         for side in (holds, ~holds):

@@ -41,6 +41,9 @@ class SymbolicLaw(Law):
         self.channels = len(self._values[0])
         self.masses = [self._mass(weight) for _, weight in pairs]
         self._weights = tuple(self.masses)
+        places = tuple(p for mass in self.masses if (p := field.place(str(mass))) is not None)
+        if len(set(places)) == len(pairs) > 1:
+            field.simplices[places] = None
         self._lattices = [self._read_lattice(list(column)) for column in zip(*self._values, strict=True)]
 
     def _mass(self, weight: Any) -> Ratio:

@@ -13,9 +13,19 @@ from typing import Any
 import numpy as np
 
 from truemean.errors import PlanError
-from truemean.oracle.quantity import Decision, Quantity, Vector, by_channel, constant, decision, quantity, where
+from truemean.oracle.quantity import Decision, Quantity, Vector, by_channel, constant, decision, quantity
 
 __all__ = ["apply_function", "apply_ufunc", "elementwise"]
+
+
+def where(condition: Any, yes: Any, no: Any) -> Any:
+    """``yes`` on the rows where the decision holds, ``no`` elsewhere, without splitting the path."""
+    if any(isinstance(x, Vector) for x in (condition, yes, no)):
+        return by_channel(where, condition, yes, no)
+    if not isinstance(condition, Decision):
+        return yes if condition else no
+    return Quantity("where", condition, quantity(yes), quantity(no))
+
 
 _UFUNCS: dict[str, Callable[..., Any]] = {
     "add": operator.add,
