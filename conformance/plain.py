@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from fractions import Fraction
-from numbers import Integral, Real
+from numbers import Integral, Rational, Real
 from typing import Any
 
 from truemean.oracle import Approx, Enclosure
@@ -19,6 +18,7 @@ SAFE = 2**53  # integers up to here are the same number to every reader of JSON
 def plain(value: Any) -> Any:
     """``value`` for ``json.dumps``: an exact number as ``"p/q"`` beside its float, no NaN and no infinity.
 
+    >>> from fractions import Fraction
     >>> plain({"bias": Fraction(1, 8), "interval": (-0.5, math.inf), "n": 4})
     {'bias': {'exact': '1/8', 'value': 0.125}, 'interval': [-0.5, None], 'n': 4}
     """
@@ -27,7 +27,7 @@ def plain(value: Any) -> Any:
             return value
         case Integral() if abs(int(value)) <= SAFE:
             return int(value)
-        case Fraction() | Integral():
+        case Rational():
             return {"exact": exact_text(value), "value": _finite(value)}
         case Real():
             return _finite(value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+from fractions import Fraction
 from typing import Any
 
 from truemean.oracle.columns import Column, grouping, integers, quotient
@@ -109,4 +110,4 @@ def _convolved(a: dict[Key, Any], b: dict[Key, Any]) -> dict[Key, Any]:
 
 
 def _number(numerator: Any, unit: int) -> Any:
-    return quotient(numerator, unit) if isinstance(numerator, int | Ratio) else numerator
+    return quotient(numerator, unit) if isinstance(numerator, int | Fraction | Ratio) else numerator

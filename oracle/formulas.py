@@ -238,9 +238,12 @@ def _polynomial(field: Field, polynomial: Any) -> Any:
 def _expanded(field: Field, terms: Iterable[tuple[tuple[int, ...], Any]]) -> Any:
     import sympy
 
-    return sympy.Add(
-        *(
-            sympy.Mul(sympy.Integer(int(c)), *(_meaning(field, i) ** int(e) for i, e in enumerate(powers) if e))
-            for powers, c in terms
-        )
-    )
+    known: dict[tuple[int, int], Any] = {}
+    products = []
+    for powers, coefficient in terms:
+        used = [(i, int(e)) for i, e in enumerate(powers) if e]
+        for factor in used:
+            if factor not in known:
+                known[factor] = _meaning(field, factor[0]) ** factor[1]
+        products.append(sympy.Mul(sympy.Integer(int(coefficient)), *(known[factor] for factor in used)))
+    return sympy.Add(*products)

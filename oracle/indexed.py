@@ -73,7 +73,7 @@ class IndexedLaw(SymbolicLaw):
     def indexed(self) -> bool:
         return True
 
-    def _mass(self, weight: Any) -> Ratio:
+    def _only(self, weight: Any) -> Ratio:
         return self.field.generator(weight, Generator(weight, "weight index", sign=1))
 
     def _read_lattice(self, values: list[Any]) -> Lattice:

@@ -69,7 +69,8 @@ def prove(plan: Any, *, k: int = 3, values: Sequence[Any] | None = None, **param
         raise InputError(f"k={k!r} is no number of values: give an integer of at least 1")
     structure = structural_proof(declared, bound)
     if structure.proved:
-        return Proof("unbiased", structure.reason)
+        only = "" if structure.pixels == "every pixel" else f" (for {structure.pixels})"
+        return Proof("unbiased", structure.reason + only)
     why = structure.reason.removeprefix("not proved: ")
     by_symbol = [name for name, value in bound.items() if is_symbolic(value)]
     if by_symbol:

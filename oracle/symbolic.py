@@ -39,12 +39,16 @@ class SymbolicLaw(Law):
         pairs = self._read(pairs, ordered) if formulas else sorted(pairs, key=lambda pair: pair[0])
         self._values = tuple(value for value, _ in pairs)
         self.channels = len(self._values[0])
-        self.masses = [self._mass(weight) for _, weight in pairs]
+        self.masses = [self._mass(weight) for _, weight in pairs] if len(pairs) > 1 else [self._only(pairs[0][1])]
         self._weights = tuple(self.masses)
         places = tuple(p for mass in self.masses if (p := field.place(str(mass))) is not None)
         if len(set(places)) == len(pairs) > 1:
             field.simplices[places] = None
         self._lattices = [self._read_lattice(list(column)) for column in zip(*self._values, strict=True)]
+
+    def _only(self, weight: Any) -> Ratio:
+        """The weight of the only value there is: 1, whatever it is called."""
+        return self.field.number(1)
 
     def _mass(self, weight: Any) -> Ratio:
         return declare_weight(self.field, weight)

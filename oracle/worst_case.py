@@ -101,16 +101,15 @@ def smallest_n(
     tolerance: Any,
     *,
     parameter: str = "n",
-    start: int = 2,
-    most: int = 1024,
+    between: tuple[int, int] = (2, 1024),
     values: Sequence[Any] = (0, 1),
     **params: Any,
 ) -> int:
     """The smallest sample size for which |bias| <= tolerance on every pixel of two values, certified.
 
-    ``tolerance`` is absolute, or in percent of the distance of the values (``"1%"``). Every size from ``start``
-    on is decided, since a bias need not fall steadily (and with one draw there is nothing to vary, hence mostly
-    no bias). Raises InputError where ``most`` is not enough.
+    ``tolerance`` is absolute, or in percent of the distance of the values (``"1%"``). Every size ``between``
+    the two is decided in turn, since a bias need not fall steadily; with one draw there is nothing to vary, hence
+    mostly no bias, so the search starts at 2. Raises InputError where the last size is not enough.
 
     >>> from truemean.oracle.plans import catalogue
     >>> smallest_n(catalogue["kirk-arvo"], "5%")
@@ -126,13 +125,13 @@ def smallest_n(
     )
     if limit <= 0:
         raise InputError(f"tolerance={tolerance!r} is not positive: an unbiased plan is what prove() is for")
-    for n in range(start, most + 1):
+    for n in range(between[0], between[1] + 1):
         derivation = _derived(declared, declared.bind({**params, parameter: n}), 2, values)
         coefficients = _univariate(_polynomial(derivation, derivation.biases[0]))
         if below(coefficients, limit, near=_likely_worst(coefficients)):
             return n
     raise InputError(
-        f"|bias| <= {tolerance} on every pixel of two values needs more than {parameter}={most}: raise most="
+        f"|bias| <= {tolerance} on every pixel of two values needs more than {parameter}={between[1]}: raise between="
     )
 
 

@@ -318,3 +318,14 @@ def test_some_weights_open():
     X = Pixel.symbolic(3, values=(0, 1, 2), weights=("1/2", Symbol("u"), Symbol("v")))
     at = {Symbol("u"): Rational(1, 3), Symbol("v"): Rational(1, 6)}
     assert_is(derive(by_variance, X), derive(by_variance, Pixel({0: "1/2", 1: "1/3", 2: "1/6"})), at)
+
+
+def test_a_law_over_independent_samples_and_coins_sums_to_one():
+    def plan(X):
+        S, T = X.draw(2), X.draw(2)
+        if S.all_equal() and X.coin(T.range()):
+            return S.mean()
+        return T.sum() * 0
+
+    Y = Pixel.symbolic(1, values=("9/4",))
+    assert derive(plan, Y).distribution() == {sympy.Integer(0): 1}

@@ -113,7 +113,7 @@ def test_a_size_of_another_name_and_of_other_values():
 
 def test_not_enough_is_said():
     with pytest.raises(InputError, match="more than n=5"):
-        smallest_n(FIG_1, "1%", most=5)
+        smallest_n(FIG_1, "1%", between=(2, 5))
     with pytest.raises(InputError, match="tolerance=0 is not positive"):
         smallest_n(FIG_1, 0)
 
