@@ -93,6 +93,11 @@ def grouping(keys: list[Ints]) -> tuple[Ints, Ints]:
     return order, np.flatnonzero(change)
 
 
+def _number(value: Any) -> Any:
+    """A formula without symbols as the number that it is."""
+    return value.constant if type(value) is Ratio and value.is_constant else value
+
+
 def _ranked(key: Ints) -> Ints:
     """Equal numbers for equal entries; formulas have no order, so any will do."""
     if symbolic(key):
@@ -111,12 +116,13 @@ class Column:
     @classmethod
     def constant(cls, value: Any) -> Column:
         """The same number on every row."""
+        value = _number(value)
         return cls(integers([value.numerator]), integers([value.denominator]))
 
     @classmethod
     def of(cls, values: Iterable[Any]) -> Column:
         """One number per row."""
-        listed = list(values)
+        listed = list(map(_number, values))
         return cls(integers(v.numerator for v in listed), integers(v.denominator for v in listed))
 
     @classmethod

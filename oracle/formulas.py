@@ -186,6 +186,9 @@ def _meaning(field: Field, place: int) -> Any:
     if made.kind == "power":
         base, exponent = made.expression
         return expression(base) ** expression(exponent)
+    if made.kind == "opaque":  # whose symbols may since have become sample sizes
+        named = {s: field.place(s.name) for s in made.expression.free_symbols}
+        return made.expression.xreplace({s: field.generators[i].expression for s, i in named.items() if i is not None})
     return made.expression
 
 
