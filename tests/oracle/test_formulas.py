@@ -4,13 +4,9 @@ from fractions import Fraction
 
 import pytest
 import sympy
-from hypothesis import HealthCheck, given, reject, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, settings
 from sympy import Rational, Symbol
-from tests.oracle import small_plans, small_plans_staged, strategies
-from tests.oracle.catalogue_cases import cases
 
-from truemean.errors import NoClosedForm
 from truemean.oracle import Pixel, derive
 from truemean.oracle.plans import catalogue
 
@@ -20,29 +16,6 @@ WHOLE = {s: Symbol(s.name, integer=True, positive=True) for s in (n, m)}
 FIG_1, POOLED = catalogue["kirk-arvo"], catalogue["two-stage-pooled"]
 once = settings(max_examples=2, suppress_health_check=list(HealthCheck))
 some = settings(max_examples=15, suppress_health_check=list(HealthCheck))
-
-SMALL = {
-    name: (plan, pixels)
-    for group, pixels in (
-        (small_plans.SCALAR, strategies.pixels()),
-        (small_plans.NONNEGATIVE, strategies.pixels(nonnegative=True)),
-        (small_plans_staged.SCALAR, strategies.pixels()),
-    )
-    for name, plan in group.items()
-}
-# What has no formula in symbolic values, and why; "ascending order" only where the order is open too.
-NO_VALUES = {
-    "coin_by_the_pilot": "the sign of",
-    "grown_by_its_own_mean_and_never_looked_at_again": "write the comparison as an if",
-    "pilot_sizes_and_is_pooled": "write the comparison as an if",
-    "quantised": "can't be rounded",
-    "second_stage_of_random_size_decides": "can't be rounded",
-    "two_standard_errors": "under several roots",
-    "until_extremes_then_grown_and_looked_at": "X.draw_until stops by",
-    "until_halves_agree": "X.draw_until stops by",
-    "until_standard_error": "X.draw_until stops by",
-}
-NO_ORDER = {"custom_statistic", "numpy_reductions"}
 
 
 def rational(number):
@@ -79,58 +52,6 @@ def point(X, Y):
 def ascending(X):
     """The pixel with positive weights only, values ascending."""
     return Pixel({v: X.law[v] for v in sorted(X.values) if X.law[v]})
-
-
-# -- symbolic weights and values ------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", SMALL)
-def test_every_small_plan_with_open_weights(name):
-    plan, pixels = SMALL[name]
-
-    @once
-    @given(pixels)
-    def check(pixel):
-        X = ascending(pixel)
-        Y = Pixel.symbolic(len(X.values), values=X.values)
-        assert_is(derive(plan, Y), derive(plan, X), point(X, Y), law=not name.startswith("sub_estimate"))
-
-    check()
-
-
-@pytest.mark.parametrize("ordered", [True, False], ids=["ordered", "unordered"])
-@pytest.mark.parametrize("name", SMALL)
-def test_every_small_plan_with_open_values(name, ordered):
-    plan, _ = SMALL[name]
-    X = Pixel({"1/3": "2/7", "3/2": "5/7"})
-    Y = Pixel.symbolic(2, ordered=ordered)
-    reason = NO_VALUES.get(name) or ("ascending order" if name in NO_ORDER and not ordered else None)
-    if reason is None:
-        assert_is(derive(plan, Y), derive(plan, X), point(X, Y), law=False)
-        return
-    with pytest.raises(NoClosedForm, match=reason):
-        _ = derive(plan, Y).variance
-
-
-@some
-@given(strategies.plans(), strategies.pixels())
-def test_a_random_plan_with_open_weights(tree, pixel):
-    X = ascending(pixel)
-    Y = Pixel.symbolic(len(X.values), values=X.values)
-    try:
-        assert_is(derive(tree, Y), derive(tree, X), point(X, Y))
-    except NoClosedForm:  # it reads the true mean where a number is needed
-        reject()
-
-
-@pytest.mark.parametrize(
-    ("name", "params", "pixel"), cases(lambda name, short, X: name != "hierarchical" and len(X.values) < 8)
-)
-def test_numbers_in_symbolic_arithmetic_are_the_numbers(name, params, pixel):
-    exact, formula = (derive(catalogue[name], pixel, arithmetic=a, **params) for a in ("exact", "symbolic"))
-    for result in RESULTS:
-        a, b = getattr(formula, result), getattr(exact, result)
-        assert (a if isinstance(a, tuple) else (a,)) == tuple(map(rational, b if isinstance(b, tuple) else (b,)))
 
 
 def by_the_mean(X, n=2):
@@ -196,22 +117,6 @@ def test_symbolic_n_is_every_n(plan, pixel, params):
         assert_is(formula, derive(plan, pixel, n=size, **params), {WHOLE[n]: sympy.Integer(size)}, law=False)
 
 
-def test_several_sizes_and_an_area_at_once():
-    names = {"p": Symbol("p"), "n1": Symbol("n1"), "n2": Symbol("n2"), "area": Symbol("a")}
-    formula = derive(catalogue["kirk-arvo-unbiased"], THREE, **names)
-    for numbers in ({"p": 2, "n1": 1, "n2": 3, "area": "1/3"}, {"p": 5, "n1": 7, "n2": 2, "area": "3/4"}):
-        at = {Symbol(k, integer=True, positive=True): sympy.Integer(v) for k, v in numbers.items() if k != "area"}
-        at[names["area"]] = Rational(numbers["area"])
-        assert_is(formula, derive(catalogue["kirk-arvo-unbiased"], THREE, **numbers), at, law=False)
-
-
-@settings(max_examples=8)
-@given(st.integers(1, 9), st.integers(1, 9))
-def test_a_second_stage_of_another_symbol(size, more):
-    numbers = {WHOLE[n]: sympy.Integer(size), WHOLE[m]: sympy.Integer(more)}
-    assert_is(derive(POOLED, THREE, n=n, m=m), derive(POOLED, THREE, n=size, m=more), numbers, law=False)
-
-
 # -- Eq. 6 ----------------------------------------------------------------------------------------------
 
 
@@ -247,48 +152,6 @@ def test_equation_6_for_any_number_of_values():
 def by_variance(X, n=3, eps=1):
     S = X.draw(n)
     return S.mean() if S.variance() < eps else X.true_mean()
-
-
-def by_error(X, n=3, eps=1):
-    S = X.draw(n)
-    return S.mean() if S.std_error() <= eps else X.true_mean()
-
-
-def clamped(X, n=2, eps=1):
-    return sympy_free_minimum(X.draw(n).mean(), eps)
-
-
-def sympy_free_minimum(a, b):
-    import numpy as np
-
-    return np.minimum(a, b) + np.where(a > b, b, 0)
-
-
-def strictly(X, n=3, eps=1):
-    S = X.draw(n)
-    return S.mean() if S.range() < eps else S.min()
-
-
-THRESHOLDS = ["-1", "0", "1/3", "1/2", "1", "4/3", "2", "9/4", "3", "7"]
-
-
-@pytest.mark.parametrize("plan", [FIG_1, by_variance, by_error, clamped, strictly])
-@pytest.mark.parametrize("size", [2, 3])
-def test_a_symbolic_threshold_is_every_threshold_ties_too(plan, size):
-    X = Pixel({0: "1/2", 1: "1/3", 3: "1/6"})
-    formula = derive(plan, X, n=size, eps=eps)
-    for threshold in THRESHOLDS:
-        exact = derive(plan, X, n=size, eps=threshold)
-        assert_is(formula, exact, {eps: Rational(threshold)}, law=False)
-
-
-def test_values_threshold_and_size_all_open():
-    Y = Pixel.symbolic(3, ordered=True)
-    formula = derive(FIG_1, Y, n=n, eps=eps)
-    X = Pixel({0: "1/2", 1: "1/3", 3: "1/6"})
-    for threshold in THRESHOLDS:
-        at = {**point(X, Y), eps: Rational(threshold), WHOLE[n]: sympy.Integer(3)}
-        assert put(formula.bias, at) == derive(FIG_1, X, n=3, eps=threshold).bias
 
 
 @pytest.mark.parametrize(
