@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 from truemean.errors import InputError, InputTypeError, NoClosedForm, NotExact, UnknownName
 from truemean.oracle.batch import Batch, checked_weights
 from truemean.oracle.columns import NotRational
 from truemean.oracle.distribution import joined_law, observed
-from truemean.oracle.enclosure import Ball
+from truemean.oracle.enclosure import Ball, closer
 from truemean.oracle.evaluate import check_closed
 from truemean.oracle.exact import is_symbolic
 from truemean.oracle.exploration import Exploration
 from truemean.oracle.features import Level
-from truemean.oracle.float64 import Approx, Float64, rounded
+from truemean.oracle.float64 import Approx, Float64
 from truemean.oracle.forms import prepare
 from truemean.oracle.formulas import formula
 from truemean.oracle.law import Law
@@ -309,20 +309,17 @@ class Derivation(Shown):
 
     def _held(self, name: str, numbers: list[Any]) -> list[Any]:
         """Numbers as the caller gets them, computed again where they don't hold the precision asked for."""
-        rtol, again = self._rtol, None
         if self._digits and any(Ball.of(v).radius * 10**self._digits > self.pixel.scale for v in numbers):
-            again = self._with(digits=self._digits, bits=2 * self._bits)
-        elif rtol is not None and not all(v.error <= rtol * abs(v.value) for v in numbers):
-            again = self._with()
-        if again is None:
-            return [self._finished(v) for v in numbers]
-        found = getattr(again, name)
-        parts = list(found) if isinstance(found, tuple) else [found]
-        return parts if self._digits else list(map(rounded, parts))
+            return self._again(name, self._digits, 2 * self._bits)
+        if self._rtol is not None and not all(v.error <= self._rtol * abs(v.value) for v in numbers):
+            return closer(partial(self._again, name), self._rtol)
+        return [self._finished(v) for v in numbers]
 
-    def _with(self, digits: int = 0, bits: int = 0) -> Derivation:
-        """The same paths in exact numbers, or in balls of other precision."""
-        return Derivation(self.plan, self.pixel, Exact(), self._exploration, None, digits=digits, bits=bits)
+    def _again(self, name: str, digits: int, bits: int) -> list[Any]:
+        """A result by channel in exact numbers (0 digits), or in balls of other precision."""
+        again = Derivation(self.plan, self.pixel, Exact(), self._exploration, None, digits=digits, bits=bits)
+        found = getattr(again, name)
+        return list(found) if isinstance(found, tuple) else [found]
 
 
 def derive(
@@ -342,7 +339,7 @@ def derive(
     ``arithmetic`` is ``"exact"`` (Fractions), ``"symbolic"`` (SymPy expressions, the default where a
     symbol is in X or the parameters), ``"ball"`` (`Enclosure` to ``digits`` decimal places of the
     pixel's scale; roots and logarithms in the estimate are allowed) or ``"float64"`` (`Approx` with an
-    error bound, exact where ``rtol`` can't be held otherwise); ``rows`` bounds what may be told apart, or is
+    error bound, exact or from balls where ``rtol`` can't be held otherwise); ``rows`` bounds what may be told apart, or is
     ``"sampled"`` for an interval from ``runs`` sampled rows. Raises PlanError and its kin.
 
     >>> from truemean.oracle.plans import catalogue

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
 from fractions import Fraction
 from typing import Any
 
-__all__ = ["Ball", "Enclosure"]
+from truemean.errors import NotExact
+from truemean.oracle.float64 import Approx, rounded
+
+__all__ = ["Ball", "Enclosure", "closer"]
 
 
+_DIGITS_TRIED = (20, 60, 200, 600)
 _MOST_DIGITS = 80  # of an exact bound that is written out
 
 
@@ -95,6 +100,25 @@ class Ball:
 
     def __truediv__(self, other: Fraction) -> Ball:
         return Ball(self.centre / other, self.radius / abs(other))
+
+
+def closer(again: Callable[[int, int], list[Any]], rtol: float) -> list[Approx]:
+    """A result in floats to a relative tolerance: rounded from exact numbers, or from balls where it is irrational.
+
+    ``again`` computes it to so many digits with so many bits, exactly for 0. NotExact where no ball is small enough.
+    """
+    try:
+        return list(map(rounded, again(0, 0)))
+    except NotExact:
+        pass
+    for digits in _DIGITS_TRIED:
+        ends = [enclosure.fractions for enclosure in again(digits, 64 + 4 * digits)]
+        if all(high - low <= Fraction(rtol) / 2 * min(abs(low), abs(high)) for low, high in ends):
+            nearest = [(rounded(low), float(high - low)) for low, high in ends]
+            return [Approx(number.value, (number.error + width) * (1 + 1e-15)) for number, width in nearest]
+    raise NotExact(
+        f"the result is 0 or too small for rtol={rtol} within {digits} decimal places: use arithmetic='ball'"
+    )
 
 
 def _decimal(number: Fraction, digits: int, rounding: str) -> str:

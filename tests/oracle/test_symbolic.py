@@ -22,7 +22,7 @@ few = settings(deadline=None, derandomize=True, max_examples=2, suppress_health_
 
 RESULTS = ("bias", "expectation", "mse", "variance", "cost", "oracle_calls")
 SMALL = small_plans.SCALAR | small_plans.NONNEGATIVE | small_plans_staged.SCALAR
-WRITES_SLOWLY = {"clamped", "sequential", "looked_at_grown_looked_at"}  # the formula of their variance fills pages
+WRITES_SLOWLY = {"clamped", "sequential"}  # the formulas of their variance and law fill pages
 n, m, p, n1, n2, k, w, a, eps = (Symbol(name) for name in ("n", "m", "p", "n1", "n2", "k", "w", "a", "eps"))
 TWO, THREE = Pixel({0: "2/5", 1: "3/5"}), Pixel({-1: "1/2", "1/3": "1/3", 2: "1/6"})
 FOUR = Pixel({0: "1/8", "1/2": "1/2", "3/4": "1/4", 2: "1/8"})
@@ -98,10 +98,10 @@ def pixels_of(count, values=(*strategies.SPACED, *strategies.IRREGULAR)):
 def test_symbolic_weights_of_every_small_plan_stand_for_any(name):
     allowed = [v for v in strategies.IRREGULAR if v >= 0 or name not in small_plans.NONNEGATIVE]
 
-    @few
-    @given(pixels_of(2, allowed) | pixels_of(3, allowed))
+    @settings(few, max_examples=1)
+    @given(pixels_of(3, allowed))
     def check(pixel):
-        formulas = derive(SMALL[name], Pixel.symbolic(len(pixel.values), values=pixel.values))
+        formulas = derive(SMALL[name], Pixel.symbolic(3, values=pixel.values))
         assert_at(formulas, brute(SMALL[name], pixel), weights_of(pixel))
 
     check()
@@ -134,7 +134,8 @@ def test_symbolic_values_of_every_small_plan_stand_for_any(name, ordered):
         with pytest.raises(NoClosedForm, match=refusals[name]):
             _ = with_symbols(name, ordered).bias
         return
-    results = [r for r in RESULTS if r != "variance" or name not in WRITES_SLOWLY]
+    light = name not in WRITES_SLOWLY
+    results = RESULTS if light and ordered else ("bias", "mse", "cost", "oracle_calls")
     allowed = (0, Fraction(2, 7), 1, 2) if name in small_plans.NONNEGATIVE else (-1, 0, Fraction(1, 3), 1, 2)
 
     @settings(few, max_examples=3)
@@ -143,13 +144,13 @@ def test_symbolic_values_of_every_small_plan_stand_for_any(name, ordered):
         if ordered:
             pixel = Pixel(dict(sorted(pixel.law.items())))
         point = weights_of(pixel) | values_of(pixel)
-        assert_at(with_symbols(name, ordered), brute(SMALL[name], pixel), point, results=results)
+        assert_at(with_symbols(name, ordered), brute(SMALL[name], pixel), point, law=light, results=results)
 
     check()
 
 
 @pytest.mark.parametrize("ordered", [True, False], ids=["ordered", "unordered"])
-@pytest.mark.parametrize("name", ["figure_1", "range_with_ties", "all_equal_then_mean", "midrange", "variance_decides"])
+@pytest.mark.parametrize("name", ["figure_1", "range_with_ties", "all_equal_then_mean", "variance_decides"])
 def test_three_symbolic_values_stand_for_any(name, ordered):
     formulas = derive(SMALL[name], Pixel.symbolic(3, ordered=ordered))
 
@@ -210,16 +211,17 @@ def plan_of(rule):
     return plan
 
 
-@pytest.mark.parametrize("pixel", [TWO, THREE, FOUR], ids=["two", "three", "four"])
+@pytest.mark.parametrize(
+    ("pixel", "threshold"), [(TWO, Fraction(1, 2)), (THREE, 1), (FOUR, Fraction(1, 2))], ids=["two", "three", "four"]
+)
 @pytest.mark.parametrize("name", RULES)
-def test_a_symbol_for_n_stands_for_1_to_12(name, pixel):
+def test_a_symbol_for_n_stands_for_1_to_12(name, pixel, threshold):
     if name == "contrast" and pixel is THREE:
         pixel = Pixel({0: "1/2", "1/3": "1/3", 2: "1/6"})  # contrast takes values that are not negative
     plan = plan_of(RULES[name])
-    for threshold in (Fraction(1, 2), 1):
-        formulas = derive(plan, pixel, n=n, eps=threshold)
-        for size in range(2 if "n >= 2" in formulas.requirements else 1, 13):
-            assert_at(formulas, derive(plan, pixel, n=size, eps=threshold), {"n": size}, law=False)
+    formulas = derive(plan, pixel, n=n, eps=threshold)
+    for size in range(2 if "n >= 2" in formulas.requirements else 1, 13):
+        assert_at(formulas, derive(plan, pixel, n=size, eps=threshold), {"n": size}, law=False)
 
 
 @pytest.mark.parametrize("threshold", [0, Fraction(1, 2)])
@@ -303,7 +305,7 @@ ASKING = RULES | {
     "asked twice": asked_twice_and_nested,
     "while": while_the_range_is_small,
 }
-VALUES = {"contrast": (0, Fraction(1, 3), 2), "asked twice": (0, 1), "while": (-1, 2), "grown": (0, 1)}
+VALUES = {"contrast": (0, Fraction(1, 3), 2)} | dict.fromkeys(("asked twice", "while", "grown", "size"), (0, 1))
 TIES = [Fraction(v) for v in ("0", "1/3", "1", "4/3", "5/3", "3", "2", "-1", "1/9", "2/3", "1/2", "-1/3", "1/7", "-4")]
 
 
@@ -312,7 +314,7 @@ def test_a_symbolic_threshold_stands_for_any_ties_and_negative_ones_too(name):
     plan, values = plan_of(ASKING[name]), VALUES.get(name, THREE.values)
     formulas = derive(plan, Pixel.symbolic(len(values), values=values), eps=eps)
 
-    @settings(few, max_examples=6)
+    @settings(few, max_examples=5)
     @given(st.sampled_from(TIES) | st.fractions(-2, 3, max_denominator=9), shares(len(values)))
     def check(level, weights):
         pixel = Pixel(dict(zip(values, weights, strict=True)))
