@@ -23,7 +23,6 @@ W, V = Fraction(2, 5), Fraction(1, 7)
 
 MADE_OF_SYMBOLS = {
     Pixel({0: 1 - w, 1: w}): {0: 1 - W, 1: W},
-    Pixel.two(w): {0: 1 - W, 1: W},
     Pixel({-1: w**2, 0: 1 - w, 1: w - w**2}): {-1: W**2, 0: 1 - W, 1: W - W**2},
     Pixel({0: 1 / (1 + w), 1: 1 - 1 / (1 + w)}): {0: 1 / (1 + W), 1: W / (1 + W)},
     Pixel({w: 1 - w, 2 * w: w}): {W: 1 - W, 2 * W: W},
@@ -65,6 +64,10 @@ def test_a_region_may_be_a_symbolic_pixel(plan):
     assert_at(derive(plan, parts(Pixel.symbolic(2, values=(0, 1)))), derive(plan, parts(TWO)), weights_of(TWO))
 
 
+def test_the_coverage_of_a_two_intensity_pixel_may_be_a_symbol():
+    assert_at(derive(figure_1, Pixel.two(w)), derive(figure_1, Pixel.two(W)), {"w": W})
+
+
 def test_weights_that_sum_to_1_only_when_brought_together_are_accepted():
     X = Pixel({0: 1 / (1 + w), 1: w / (1 + w)})
     assert_at(derive(figure_1, X), derive(figure_1, Pixel({0: 1 / (1 + W), 1: W / (1 + W)})), {"w": W})
@@ -81,6 +84,17 @@ def test_a_sample_known_by_its_moments_knows_whether_its_symbolic_values_are_equ
     for ordered in (True, False):
         point = weights_of(TWO) | {"I1": Fraction(0), "I2": Fraction(1)}
         assert_at(derive(plan, Pixel.symbolic(2, ordered=ordered)), derive(plan, TWO), point)
+
+
+def test_what_0_0_stands_for_holds_at_symbolic_values_too_or_the_formula_says_where_it_doesn_t():
+    def plan(X):
+        S = X.draw(2)
+        return S.mean() if S.contrast(undefined=1) <= Fraction(1, 2) else X.true_mean()
+
+    formulas = derive(plan, Pixel.symbolic(2, ordered=True))
+    point = weights_of(TWO) | {"I1": Fraction(0), "I2": Fraction(1)}
+    if not formulas.requirements:
+        assert_at(formulas, derive(plan, TWO), point)
 
 
 # -- a symbol for k --------------------------------------------------------------------------------
