@@ -58,7 +58,8 @@ def _read_symbol(field: Field, symbol: Any) -> Ratio:
     made = Generator(symbol, "symbol", *_known_sign(symbol))
     found = field.generator(symbol.name, made)
     known = field.generators[field.place(symbol.name) or 0]
-    if known.kind == "symbol" and known.expression != symbol:
+    bare = known.kind == "size" and not symbol.assumptions0.keys() - {"commutative"}
+    if known.expression != symbol and not bare:
         raise AssumptionError(
             f"two symbols are called {symbol.name} but have different assumptions: use one symbol for both"
         )
@@ -104,6 +105,8 @@ def declare_values(field: Field, values: list[Any], ordered: bool) -> list[Ratio
     found: list[Ratio] = []
     for value in values:
         ratio = read(field, value)
+        if ordered and found and 1 not in possible_signs(ratio - found[-1]):
+            raise AssumptionError(f"values {', '.join(map(str, values))} are said to ascend, but {value} can't be next")
         if ordered and found and getattr(value, "is_Symbol", False):
             made = Generator(value, "value", base=found[-1], sign=1)
             field.know(value.name, made)
@@ -116,6 +119,8 @@ def declare_values(field: Field, values: list[Any], ordered: bool) -> list[Ratio
 def declare_weight(field: Field, weight: Any) -> Ratio:
     """A weight as a Ratio; a symbol for one is positive."""
     ratio = read(field, weight)
+    if 1 not in possible_signs(ratio):
+        raise AssumptionError(f"weight {weight} can't be positive: declare its symbols positive=True, or none of them")
     if getattr(weight, "is_Symbol", False):
         field.know(weight.name, Generator(weight, "weight", sign=1))
     return ratio

@@ -116,7 +116,7 @@ def _draft_sample(draft: _Draft, terms: list[tuple[Quantity, Quantity]], order: 
     depends_on = draft.path.observer.depends_on
     own = [f for _, f in factors if any(x.args[0].label == sample.label for x in depends_on(draft.rows, leaves(f)))]
     if own and draft.rows.covered(sample) < len(sample.segments):
-        draft.join([*own, *(leaf for leaf, _ in terms)])
+        draft.join(own)
     covered = entries[-1].last if entries else 0
     for e in entries:
         draft.factors.append((sample, e.first, column, added_up(f for s, f in factors if s[0] <= e.first < s[1])))

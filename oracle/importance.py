@@ -24,6 +24,8 @@ def proposal_law(pixel: Pixel, proposal: Any, read: Callable[[Any], Ratio]) -> L
     if any(map(is_symbolic, pixel.values)):
         raise NoClosedForm(f"a proposal for {pixel!r} is drawn from its values: make these numbers")
     other = proposal if isinstance(proposal, Pixel) else Pixel(proposal)
+    if other.symbols:
+        raise NoClosedForm(f"the proposal {other!r} has symbols: give its weights numbers")
     weights = [other.law.get(value, Fraction(0)) for value in pixel.values]
     for value, weight, q in zip(pixel.values, pixel.weights, weights, strict=True):
         if weight and not q:

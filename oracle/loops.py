@@ -87,6 +87,8 @@ class Loop:
             raise InputError(f"parts={parts} of draw_until: 1, or 2 to keep even and odd draws apart")
         if most < start:
             raise InputError(f"most={most} of draw_until is less than start={start}")
+        if law.indexed:
+            raise NoClosedForm("X.draw_until counts values, whose number is a symbol: make k concrete")
         view = Sample(path, law, ("view",), "S", [], colour)
         view.segments += [sized_segment(view, part) for part in range(parts)]
         views = [view] if parts == 1 else [view.part(p, p + 1, name) for p, name in enumerate("AB")]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from truemean.errors import InputError, InputTypeError, NotDeterministic, PlanError, TruemeanError
+from truemean.errors import InputError, InputTypeError, NoClosedForm, NotDeterministic, PlanError, TruemeanError
 from truemean.oracle.assumptions import possible_signs, read, read_size
 from truemean.oracle.evaluate import Evaluator, check_closed, leaves
 from truemean.oracle.exact import exact_number, is_symbolic, short_text
@@ -224,6 +224,8 @@ class Path:
         if not is_symbolic(n) and not isinstance(n, Ratio):
             return _size(n, least)
         size = read_size(self.exploration.field, n)
+        if size.is_constant:
+            return _size(size.constant, least)
         signs = possible_signs(size - least)
         if signs == {-1}:
             raise InputError(f"n={size} is less than {least} whatever its symbols: give at least {least} draws")
@@ -249,6 +251,9 @@ class Path:
         if not weights:
             raise InputError(f"{name} has nothing to pick from: give at least one weight")
         fixed = [number for w in weights if (number := _constant(w)) is not None]
+        for number in fixed:
+            if isinstance(number, Ratio):
+                raise NoClosedForm(f"{name} has a probability with a symbol in it, {number}: make it a number")
         if len(fixed) == len(weights):
             chances, total = None, sum(fixed, Fraction(0))
             if min(fixed) < 0 or not total or (not normalise and total != 1):

@@ -64,7 +64,8 @@ class Pixel:
     count: Any = None
 
     def __post_init__(self) -> None:
-        merged = dict(self.law) if self.count is not None else _read_law(self.law, self.on_simplex)
+        known = self.count is not None or (self.on_simplex and bool(self.regions))  # whose sum is known to be 1
+        merged = dict(self.law) if known else _read_law(self.law, self.on_simplex)
         object.__setattr__(self, "law", MappingProxyType(merged))
         object.__setattr__(self, "area", exact_weight(self.area, "area"))
         if isinstance(self.regions, MutableMapping):
@@ -80,7 +81,7 @@ class Pixel:
         (Fraction(7, 8), Fraction(1, 8))
         """
         white = exact_weight(weight, "weight of 1")
-        if white > 1:
+        if not is_symbolic(white) and white > 1:
             raise InputError(f"weight of 1={weight!r} is more than 1: give the coverage of the value 1")
         return cls({0: 1 - white, 1: white})
 
@@ -168,6 +169,8 @@ class Pixel:
         """The substitution that says that the weights sum to 1, for the last weight that is a symbol; {} if they show it."""
         if self.count is not None:
             return {}
+        if self.regions and self.on_simplex:
+            return {s: e for part in self.regions.values() for s, e in part.simplex.items()}
         missing = _expanded(1 - sum(self.weights, Fraction(0)))
         if missing == 0:
             return {}
@@ -319,9 +322,10 @@ def _expanded(value: Any) -> Any:
     """A formula multiplied out, so that 1 - w + w is 1; a number as it is."""
     if not is_symbolic(value):
         return exact_number(value)
-    from sympy import expand
+    from sympy import cancel, expand
 
     expanded = expand(value)
+    expanded = cancel(expanded) if is_symbolic(expanded) else expanded
     return expanded if is_symbolic(expanded) else exact_number(expanded)
 
 

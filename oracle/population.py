@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from truemean.errors import UnknownName
+from truemean.errors import NoClosedForm, UnknownName
 from truemean.oracle.evaluate import check_closed
 from truemean.oracle.law import Law
 from truemean.oracle.pixel import Pixel
@@ -39,12 +39,14 @@ class Population:
     @property
     def values(self) -> tuple[Any, ...]:
         """I_1..I_k, exact."""
+        self._check_counted("X.values")
         return self._pixel.values
 
     @property
     def weights(self) -> tuple[Fraction, ...]:
         """omega_1..omega_k, exact; a plan that reads them has no result at other weights."""
         check_closed(self._law, "X.weights")
+        self._check_counted("X.weights")
         return self._pixel.weights
 
     @property
@@ -63,12 +65,17 @@ class Population:
     @property
     def scale(self) -> Any:
         """Largest minus smallest value, 1 where constant."""
+        self._check_counted("X.scale")
         return self._pixel.scale
 
     def true_mean(self) -> Any:
         """The costly oracle of Fig. 1: the true mean, counted in ``oracle_calls``."""
         self._path.spend(oracle_calls=Fraction(1))
         return self.mean
+
+    def _check_counted(self, asked: str) -> None:
+        if self._law.indexed:
+            raise NoClosedForm(f"the plan reads {asked}, but k, the number of values, is a symbol: make it a number")
 
     # -- drawing -----------------------------------------------------------------------------
 

@@ -19,6 +19,7 @@ from truemean.errors import InputError, InputTypeError, PlanError
 from truemean.oracle.columns import Ints, NotRational
 from truemean.oracle.enclose import enclosures
 from truemean.oracle.evaluate import Evaluator, leaves
+from truemean.oracle.exact import is_symbolic
 from truemean.oracle.exploration import Exploration
 from truemean.oracle.features import Level
 from truemean.oracle.law import Law
@@ -165,6 +166,9 @@ def replicates(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Estimates and costs of the replicates with the given identities, in chunks."""
     bound = plan.bind(params)
+    symbols = pixel.symbols.union(*(v.free_symbols for v in bound.values() if is_symbolic(v)))
+    if symbols:
+        raise InputError(f"{', '.join(sorted(map(str, symbols)))} are symbols, which can't be drawn: give them numbers")
     found = [_chunk(plan, pixel, identity[i : i + _CHUNK], stream, bound) for i in range(0, len(identity), _CHUNK)]
     if not found:
         shape = (0,) if pixel.channels is None else (0, pixel.channels)

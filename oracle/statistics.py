@@ -158,7 +158,10 @@ def _range(seen: Observed, column: int, option: Any) -> Column:
 
 
 def _contrast(seen: Observed, column: int, option: Any) -> Column:
-    return _range(seen, column, None) / (_minimum(seen, column, None) + _maximum(seen, column, None))
+    total = _minimum(seen, column, None) + _maximum(seen, column, None)
+    for number in {x for x in total.num.tolist() if isinstance(x, Ratio) and 0 in possible_signs(x)}:
+        number.field.require(f"{number} != 0")
+    return _range(seen, column, None) / total
 
 
 def _deviations(seen: Observed, column: int, option: Any) -> Column:

@@ -309,7 +309,7 @@ class Ratio:
     @property
     def places(self) -> set[int]:
         """The numbers of the generators in its numerator."""
-        return {i for i, degree in enumerate(self.lifted()[0].degrees()) if degree}
+        return {i for i, degree in enumerate(self.lifted()[0].degrees()) if degree > 0}
 
     @property
     def is_constant(self) -> bool:

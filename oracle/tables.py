@@ -21,7 +21,7 @@ import numpy as np
 from flint import fmpz_mpoly_ctx
 
 from truemean.errors import NoClosedForm
-from truemean.oracle.columns import Column, Ints, grouping, integers, largest, symbolic, times
+from truemean.oracle.columns import Column, Ints, grouping, integers, largest, quotient, symbolic, times
 from truemean.oracle.features import IDEMPOTENT, Level, gives, squares, total
 from truemean.oracle.float64 import Float64, round_integers
 from truemean.oracle.law import Law
@@ -221,6 +221,8 @@ class SequenceTable(MonomialTable):
 
 def power(law: Law, n: Any, wanted: Level) -> Table:
     """The n-th power of a law at a level; NoClosedForm where a symbolic n has none."""
+    if law.indexed:
+        return LatticeTable(law, n, Level({"flat"}))
     if not isinstance(n, int):
         return LatticeTable(law, n, _closed(wanted, n) or Level({"flat"}))
     if "sequence" in wanted:
@@ -245,6 +247,10 @@ def _closed(wanted: Level, n: Any) -> Level:
 def rows_of(law: Law, n: Any, wanted: Level) -> int:
     """How many rows a table will have, at most; asked before it is built."""
     k = law.k
+    if law.indexed and (n == 0 or wanted - {"flat"}):
+        raise NoClosedForm(
+            "for an open number of values only all_equal, or a variation at 0, can be looked at: make k concrete"
+        )
     if not isinstance(n, int):
         _closed(wanted, n)
         n = k + 1
@@ -371,11 +377,11 @@ def _flat(table: Table) -> Ints:
         low, high = table.state("lowest"), table.state("highest")
         return np.where(low > high, -2, np.where(low == high, low, -1))
     law, flat = table.law, np.full(table.rows, True)
-    index = {tuple(int(law.lattice(c).e[i]) for c in range(law.channels)): i for i in range(law.k)}
+    index = {tuple(Fraction(1) * law.lattice(c).e.tolist()[i] for c in range(law.channels)): i for i in range(law.k)}
     means = []
     for c in range(law.channels):
         s, q = table.state(total(c)), table.state(squares(c))
         flat &= np.asarray(times(q, table.sizes) == times(s, s), dtype=bool)
-        means.append(s // np.maximum(table.sizes, 1))
-    found = [index[tuple(map(int, m))] if f else -1 for f, m in zip(flat, zip(*means, strict=True), strict=True)]
+        means.append([quotient(x, max(int(n), 1)) for x, n in zip(s.tolist(), table.sizes.tolist(), strict=True)])
+    found = [index[m] if f and n else -1 for f, n, m in zip(flat, table.sizes, zip(*means, strict=True), strict=True)]
     return np.where(table.sizes == 0, -2, integers(found))

@@ -124,10 +124,6 @@ NEEDS_ATOMS = {
     "median": lambda X: np.median(X.draw(3)),
     "statistic": lambda X: X.draw(2).statistic(lambda values: 1 if values[0] == values[-1] else 0),
     "first draw": lambda X: X.draw(2)[0],
-    "all equal as a factor": lambda X: (S := X.draw(2)).mean() * S.all_equal(),
-    "sizes pooled": lambda X: (
-        ((S := X.draw(2)).sum() + X.draw(np.where(S.all_equal(), 1, 3)).sum()) / 4 * S.all_equal()
-    ),
     "until": lambda X: X.draw_until(lambda S: S.range() > 0, start=2, step=1, most=4).mean(),
     "sequential": catalogue["sequential"],
     "a value": lambda X: X.draw(2).mean() * X.values[0],
@@ -143,14 +139,24 @@ def test_what_looks_at_single_values_is_refused_where_k_is_a_symbol(name):
         _ = derive(NEEDS_ATOMS[name], Pixel.symbolic(k)).bias
 
 
-def test_moments_that_need_more_than_the_bias_are_right_or_refused_where_k_is_a_symbol():
-    def plan(X):
-        return np.where((S := X.draw(3)).all_equal(), S.mean(), X.draw(1).mean())
+FLAT = {
+    "all equal as a factor": lambda X: (S := X.draw(2)).mean() * S.all_equal(),
+    "sizes pooled": lambda X: (
+        ((S := X.draw(2)).sum() + X.draw(np.where(S.all_equal(), 1, 3)).sum()) / 4 * S.all_equal()
+    ),
+    "either mean": lambda X: np.where((S := X.draw(3)).all_equal(), S.mean(), X.draw(1).mean()),
+}
 
-    formulas = derive(plan, Pixel.symbolic(k))
-    assert formulas.bias.has(Sum)
-    with pytest.raises(NoClosedForm, match="k"):
-        _ = formulas.variance
+
+@pytest.mark.parametrize("name", FLAT)
+def test_what_only_asks_whether_draws_are_equal_is_right_where_k_is_a_symbol(name):
+    named = {IndexedBase(b)[i]: Symbol(f"{b}{i}") for b in ("I", "omega") for i in (1, 2, 3)}
+    families, three = (derive(FLAT[name], Pixel.symbolic(count)) for count in (k, 3))
+    assert families.bias.has(Sum)
+    for result in ("bias", "variance", "cost"):
+        found = getattr(families, result)
+        found = found.subs({s: 3 for s in found.free_symbols if s.name == "k"}).doit().xreplace(named)
+        assert expand((found - getattr(three, result)).subs(Pixel.symbolic(3).simplex)) == 0, result
 
 
 # -- assumptions -----------------------------------------------------------------------------------
