@@ -249,7 +249,7 @@ def rows_of(law: Law, n: Any, wanted: Level) -> int:
     k = law.k
     if law.indexed and (n == 0 or wanted - {"flat"}):
         raise NoClosedForm(
-            "for an open number of values only all_equal, or a variation at 0, can be looked at: make k concrete"
+            "with an open number of values only all_equal, or a variation at 0, can be looked at: make k concrete"
         )
     if not isinstance(n, int):
         _closed(wanted, n)

@@ -71,7 +71,7 @@ def divided(X, eps=1):
         (lambda: derive(until, TWO, eps=eps).bias, NoClosedForm, "which a symbol decides"),
         (lambda: derive(sized, TWO, eps=eps).variance, NoClosedForm, "write the comparison as an if"),
         (lambda: derive(divided, TWO, eps=eps).bias, NoClosedForm, "write the comparison as an if"),
-        (lambda: derive(FIG_1, Pixel.symbolic(k), n=n, eps=1), NoClosedForm, "with k=k values"),
+        (lambda: derive(FIG_1, Pixel.symbolic(k), n=n, eps=1), NoClosedForm, "with an open number of values.*make k concrete"),
         (lambda: derive(FIG_1, Pixel.symbolic(k), n=n).distribution(), NoClosedForm, "make k concrete"),
         (lambda: derive(FIG_1, TWO, n=n, arithmetic="exact"), InputError, "n are symbols.*arithmetic='symbolic'"),
         (lambda: derive(FIG_1, TWO, n=n, arithmetic="float64"), InputError, "n are symbols"),
