@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from truemean.errors import NoClosedForm
 from truemean.oracle.columns import Ints
 from truemean.oracle.law import Lattice
 from truemean.oracle.subsets import Family
@@ -80,7 +79,5 @@ class IndexedLaw(SymbolicLaw):
         return IndexedLattice(Fraction(0), Fraction(1), np.array(values, dtype=object), tuple(self.masses), 1)
 
     def family(self, name: str, n: Any) -> Family:
-        if name != "flat":
-            raise NoClosedForm(f"with k={self.field.index[1]} values only all_equal or a variation <= 0 can be decided")
         two, signs = np.array([0, 1, 1]), np.array([1, -1, 1])
         return Family(2, IndexedSubsets(), two, np.array([0, 0, 1]), signs, {"flat": np.array([0, -1])})

@@ -126,6 +126,7 @@ def test_equation_6(k):
     bias = derive(FIG_1, X, n=n).bias
     written = sum(w ** WHOLE[n] * (value - X.mean) for value, w in zip(X.values, X.weights, strict=True))
     assert sympy.expand(bias - written) == 0
+    assert derive(FIG_1, X, n=n).oracle_calls == 1 - sum(w ** WHOLE[n] for w in X.weights)  # all weights are 1
     assert all(bias.coeff(w ** WHOLE[n]) == value - X.mean for value, w in zip(X.values, X.weights, strict=True))
 
 
