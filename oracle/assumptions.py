@@ -58,8 +58,7 @@ def _read_symbol(field: Field, symbol: Any) -> Ratio:
     made = Generator(symbol, "symbol", *_known_sign(symbol))
     found = field.generator(symbol.name, made)
     known = field.generators[field.place(symbol.name) or 0]
-    bare = known.kind == "size" and not symbol.assumptions0.keys() - {"commutative"}
-    if known.expression != symbol and not bare:
+    if symbol not in (known.expression, field.origins.get(symbol.name)):
         raise AssumptionError(
             f"two symbols are called {symbol.name} but have different assumptions: use one symbol for both"
         )
@@ -86,17 +85,15 @@ def read_size(field: Field, given: Any) -> Ratio:
         raise NoClosedForm(f"the sample size {size} depends on what a symbol decides: write the comparison as an if")
     if size.den is not None:
         raise NoClosedForm(f"the sample size {size} is no integer combination of symbols: use n, m, n + 2")
-    for powers in size.lifted()[0].monoms():
-        for place, used in enumerate(powers):
-            if used and field.generators[place].kind == "symbol":
-                symbol = field.generators[place].expression
-                if symbol.is_integer is False or symbol.is_positive is False or symbol.is_finite is False:
-                    raise AssumptionError(
-                        f"n={size} is a sample size, but symbol {symbol.name} is declared otherwise: "
-                        f"Symbol({symbol.name!r}, integer=True, positive=True)"
-                    )
-                whole = sympy.Symbol(symbol.name, integer=True, positive=True)
-                field.know(symbol.name, Generator(whole, "size", base=1, sign=1, strict=False))
+    for symbol in [field.generators[i].expression for i in size.places if field.generators[i].kind == "symbol"]:
+        if symbol.is_integer is False or symbol.is_positive is False or symbol.is_finite is False:
+            raise AssumptionError(
+                f"n={size} is a sample size, but symbol {symbol.name} is declared otherwise: "
+                f"Symbol({symbol.name!r}, integer=True, positive=True)"
+            )
+        field.origins[symbol.name] = symbol
+        whole = sympy.Symbol(symbol.name, integer=True, positive=True)
+        field.know(symbol.name, Generator(whole, "size", base=1, sign=1, strict=False))
     return size
 
 

@@ -185,7 +185,9 @@ class Path:
         _, block = self.observer.require(self.rows, leaves(asked), asked)
         values = set(Evaluator(block, self.exploration.lenient).column(asked).fractions())
         if any(isinstance(v, Ratio) for v in values):
-            raise NoClosedForm(f"{asked!r} has values with symbols in them, so it is no one number: make these concrete")
+            raise NoClosedForm(
+                f"{asked!r} has values with symbols in them, so it is no one number: make these concrete"
+            )
         if len(values) > _MOST_VALUES:
             raise PlanError(f"{asked!r} has {len(values)} values, too many for one path each: X.draw takes a quantity")
         smallest = min(values)

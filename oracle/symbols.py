@@ -54,6 +54,7 @@ class Field:
     def __init__(self) -> None:
         self.generators: list[Generator] = []
         self.requirements: dict[str, None] = {}
+        self.origins: dict[str, Any] = {}  # what sizes were as symbols before they were read as sizes
         self.simplices: dict[tuple[int, ...], None] = {}  # generators that are weights and sum to 1
         self.index: Any = None  # (i, k) where the pixel has k values, k a symbol
         self._place: dict[Any, int] = {}

@@ -71,7 +71,11 @@ def divided(X, eps=1):
         (lambda: derive(until, TWO, eps=eps).bias, NoClosedForm, "which a symbol decides"),
         (lambda: derive(sized, TWO, eps=eps).variance, NoClosedForm, "write the comparison as an if"),
         (lambda: derive(divided, TWO, eps=eps).bias, NoClosedForm, "write the comparison as an if"),
-        (lambda: derive(FIG_1, Pixel.symbolic(k), n=n, eps=1), NoClosedForm, "with an open number of values.*make k concrete"),
+        (
+            lambda: derive(FIG_1, Pixel.symbolic(k), n=n, eps=1),
+            NoClosedForm,
+            "with an open number of values.*make k concrete",
+        ),
         (lambda: derive(FIG_1, Pixel.symbolic(k), n=n).distribution(), NoClosedForm, "make k concrete"),
         (lambda: derive(FIG_1, TWO, n=n, arithmetic="exact"), InputError, "n are symbols.*arithmetic='symbolic'"),
         (lambda: derive(FIG_1, TWO, n=n, arithmetic="float64"), InputError, "n are symbols"),
@@ -117,6 +121,13 @@ def test_a_derivation_with_the_wrong_symbols(call, error, words):
 def test_a_pixel_of_the_wrong_symbols(make, error, words):
     with pytest.raises(error, match=words):
         make()
+
+
+@pytest.mark.parametrize("assumption", [{}, {"integer": True}, {"positive": True}, {"real": True}])
+def test_a_size_may_be_declared_as_far_as_it_is_and_used_twice(assumption):
+    size = Symbol("n", **assumption)
+    found = derive(catalogue["discard-pilot"], TWO, p=size, n1=size, n2=2 * size)
+    assert found.cost.free_symbols == {Symbol("n", integer=True, positive=True)}
 
 
 def test_a_contradiction_is_not_kept_for_the_next_derivation():
