@@ -51,11 +51,6 @@ class Enclosure:
         return _exact(self.lower), _exact(self.upper)
 
     @property
-    def value(self) -> Any:
-        """A number within: the lower bound."""
-        return self.lower
-
-    @property
     def texts(self) -> tuple[str, str]:
         """Both bounds in decimal, rounded outwards, one digit beyond where they differ."""
         low, high = self.fractions

@@ -11,6 +11,7 @@ from tests.oracle.catalogue_cases import cases
 
 from truemean.errors import InputError, NotExact
 from truemean.oracle import Enclosure, Pixel, derive
+from truemean.oracle.enclosure import Ball
 from truemean.oracle.plans import catalogue
 
 RESULTS = ("expectation", "bias", "variance", "mse", "cost")
@@ -116,3 +117,17 @@ def test_bounds_are_rounded_outwards(low, width, digits):
 def test_wrong_digits(digits):
     with pytest.raises(InputError, match=f"digits={digits}"):
         derive(toned, Pixel.two("1/2"), arithmetic="ball", digits=digits)
+
+
+small = st.fractions(-3, 3, max_denominator=20)
+
+
+@given(small, small, st.fractions(0, 1, max_denominator=20), st.fractions(0, 1, max_denominator=20), small.filter(bool))
+def test_balls_hold_what_their_numbers_can_become(a, b, r, s, divisor):
+    """The corners of two balls lie in the balls of their sum, difference, product and quotient."""
+    first, second = Ball(a, r), Ball(b, s)
+    for x in (a - r, a, a + r):
+        assert abs(x / divisor - (first / divisor).centre) <= (first / divisor).radius
+        for y in (b - s, b, b + s):
+            for exact, ball in ((x + y, first + second), (x - y, first - second), (x * y, first * second)):
+                assert abs(exact - ball.centre) <= ball.radius

@@ -114,7 +114,7 @@ NO_FORMULA = {  # for values that are symbols, and why
     "until_standard_error": "X.draw_until stops by",  # which states are merged depends on the decision
     "until_halves_agree": "X.draw_until stops by",
     "until_extremes_then_grown_and_looked_at": "X.draw_until stops by",
-    "grown_by_its_own_mean_and_never_looked_at_again": "write the comparison as an if",
+    "grown_by_its_own_mean_and_never_looked_at_again": "is divided by, and a symbol decides",
     "pilot_sizes_and_is_pooled": "is divided by, and a symbol decides",
     "coin_by_the_pilot": "the sign of .* is decided by a symbol",  # the mean, clipped to be a probability
 }
