@@ -196,7 +196,10 @@ def _root(variance: Any) -> Any:
 def _size(path: DerivedPath) -> Any:
     """How much a path contributes, in the channel where that is most."""
     numbers = (part for _, part in _channels(path.bias))
-    return max(abs(part.value if isinstance(part, Approx) else part.lower if isinstance(part, Enclosure) else part) for part in numbers)
+    return max(
+        abs(part.value if isinstance(part, Approx) else part.lower if isinstance(part, Enclosure) else part)
+        for part in numbers
+    )
 
 
 def _channels(value: Any) -> Iterable[tuple[str, Any]]:
