@@ -15,7 +15,16 @@ from numpy.typing import ArrayLike, NDArray
 from truemean.errors import InputError
 from truemean.subject import PixelLike
 
-__all__ = ["KirkArvo", "KirkArvoUnbiased", "uniforms"]
+__all__ = [
+    "KirkArvo",
+    "KirkArvoUnbiased",
+    "check_parameters",
+    "draw",
+    "is_easy",
+    "pick",
+    "second_stage_mean",
+    "uniforms",
+]
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +42,7 @@ class KirkArvo:
     eps: float = 0
 
     def __post_init__(self) -> None:
-        _check(self.eps, n=self.n)
+        check_parameters(self.eps, n=self.n)
 
     @property
     def declares(self) -> tuple[str, dict[str, float]]:
@@ -42,8 +51,8 @@ class KirkArvo:
 
     def run(self, pixel: PixelLike, seeds: ArrayLike) -> Floats:
         """Estimates ``[seeds]`` or ``[seeds, channels]``."""
-        samples = _draw(pixel, seeds, 0, self.n)
-        easy = _is_easy(samples, self.eps)
+        samples = draw(pixel, seeds, 0, self.n)
+        easy = is_easy(samples, self.eps)
         return np.asarray(np.where(_as(easy, samples), samples.mean(axis=1), _true_mean(pixel)))
 
     def costs(self, pixel: PixelLike, seeds: ArrayLike) -> Floats:
@@ -69,7 +78,7 @@ class KirkArvoUnbiased:
     eps: float = 0
 
     def __post_init__(self) -> None:
-        _check(self.eps, p=self.p, n1=self.n1, n2=self.n2)
+        check_parameters(self.eps, p=self.p, n1=self.n1, n2=self.n2)
         if not (isinstance(self.area, Real) and 0 < self.area < 1):
             raise InputError(f"area={self.area!r} of the region R must lie strictly between 0 and 1")
 
@@ -81,15 +90,14 @@ class KirkArvoUnbiased:
 
     def run(self, pixel: PixelLike, seeds: ArrayLike) -> Floats:
         """Estimates ``[seeds]`` or ``[seeds, channels]``."""
-        pilot = _draw(pixel, seeds, 0, self.p)
-        rest = _draw(pixel, seeds, self.p, max(self.n1, self.n2))
-        easy = _as(_is_easy(pilot, self.eps), pilot)
-        rest_mean = np.where(easy, rest[:, : self.n1].mean(axis=1), rest[:, : self.n2].mean(axis=1))
+        pilot = draw(pixel, seeds, 0, self.p)
+        rest = draw(pixel, seeds, self.p, max(self.n1, self.n2))
+        rest_mean = second_stage_mean(pilot, rest, self.n1, self.n2, self.eps)
         return np.asarray(pilot.mean(axis=1) * self.area + rest_mean * (1 - self.area))
 
     def costs(self, pixel: PixelLike, seeds: ArrayLike) -> Floats:
         """Samples drawn ``[seeds]``."""
-        easy = _is_easy(_draw(pixel, seeds, 0, self.p), self.eps)
+        easy = is_easy(draw(pixel, seeds, 0, self.p), self.eps)
         return self.p + np.where(easy, float(self.n1), float(self.n2))
 
 
@@ -114,16 +122,45 @@ def _mix(z: NDArray[np.uint64]) -> NDArray[np.uint64]:
     return np.asarray(z ^ (z >> np.uint64(31)))
 
 
-def _draw(pixel: PixelLike, seeds: ArrayLike, first: int, count: int) -> Floats:
-    """Samples of X, ``[seeds, count]`` or ``[seeds, count, channels]``."""
+def draw(pixel: PixelLike, seeds: ArrayLike, first: int, count: int) -> Floats:
+    """Samples of X, ``[seeds, count]`` or ``[seeds, count, channels]``: draws ``first``, ``first + 1``, ... of each seed.
+
+    >>> from truemean.oracle.pixel import Pixel
+    >>> draw(Pixel.two("1/2"), [1, 2], 0, 3)
+    array([[1., 1., 0.],
+           [0., 0., 1.]])
+    """
     values, weights = pixel.arrays()
-    return np.asarray(values[np.searchsorted(weights.cumsum()[:-1], uniforms(seeds, first, count), side="right")])
+    return pick(values, weights, uniforms(seeds, first, count))
 
 
-def _is_easy(samples: Floats, eps: float) -> NDArray[np.bool_]:
-    """Variation(S) <= eps in every channel, ``[seeds]``."""
+def pick(values: Floats, weights: Floats, u: Floats) -> Floats:
+    """The value at each place ``u`` of [0, 1), where the values lie side by side, as wide as their weights.
+
+    >>> pick(np.array([5.0, 7.0]), np.array([0.75, 0.25]), np.array([0.5, 0.75]))
+    array([5., 7.])
+    """
+    return np.asarray(values[np.searchsorted(weights.cumsum()[:-1], u, side="right")])
+
+
+def is_easy(samples: Floats, eps: float) -> NDArray[np.bool_]:
+    """Variation(S) <= eps in every channel, ``[seeds]``.
+
+    >>> is_easy(np.array([[1.0, 1.0], [0.0, 1.0]]), 0)
+    array([ True, False])
+    """
     by_channel = np.ptp(samples, axis=1).reshape(len(samples), -1)
     return np.asarray((by_channel <= eps).all(axis=1))
+
+
+def second_stage_mean(pilot: Floats, samples: Floats, n1: int, n2: int, eps: float) -> Floats:
+    """The mean of the first ``n1`` samples where the pilot is easy, of the first ``n2`` where it is not.
+
+    >>> second_stage_mean(np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[0.0, 1.0]] * 2), 1, 2, 0)
+    array([0. , 0.5])
+    """
+    easy = _as(is_easy(pilot, eps), pilot)
+    return np.asarray(np.where(easy, samples[:, :n1].mean(axis=1), samples[:, :n2].mean(axis=1)))
 
 
 def _as(by_seed: NDArray[np.bool_], samples: Floats) -> NDArray[np.bool_]:
@@ -136,7 +173,11 @@ def _true_mean(pixel: PixelLike) -> Floats:
     return np.asarray(weights @ values)
 
 
-def _check(eps: float, **sizes: int) -> None:
+def check_parameters(eps: float = 0, **sizes: int) -> None:
+    """InputError unless ``eps`` bounds a range and each of the ``sizes`` is a sample size.
+
+    >>> check_parameters(eps=0.5, n=4)
+    """
     if not (isinstance(eps, Real) and eps >= 0):
         raise InputError(f"eps={eps!r} is no bound on a range: give a number from 0 up")
     for name, size in sizes.items():

@@ -1,4 +1,4 @@
-"""What the oracle knows about the plan that an estimator declares: its exact law, bias and variance."""
+"""What an estimator declares: a plan, from which the oracle derives its law, or the law or moments themselves."""
 
 from __future__ import annotations
 
@@ -9,12 +9,32 @@ from fractions import Fraction
 from traceback import walk_tb
 from typing import Any
 
-from truemean.errors import InputTypeError, NeedsScene, NotExact, PlanError, RowBudgetExceeded, TruemeanError, raised
+from truemean.errors import (
+    InputError,
+    InputTypeError,
+    NeedsScene,
+    NotExact,
+    PlanError,
+    RowBudgetExceeded,
+    TruemeanError,
+    raised,
+)
 from truemean.oracle import Pixel, derive
+from truemean.oracle.exact import exact_number, exact_weight
 from truemean.oracle.plan import Plan, as_plan
 from truemean.oracle.plans import find_plan
 
-__all__ = ["Declaration", "Declared", "derive_declared", "plan_errors", "read_declaration"]
+__all__ = [
+    "Declaration",
+    "Declared",
+    "derive_declared",
+    "plan_errors",
+    "read_declaration",
+    "read_law",
+    "read_prediction",
+]
+
+PREDICTIONS = ("law", "mean", "variance", "cost")
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,10 +48,11 @@ class Declaration:
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """The declared plan on one channel of a pixel; None for what the oracle can't tell, and why."""
+    """What is declared on one channel of a pixel; None for what the oracle can't tell, and why."""
 
     bias: Fraction | None = None
     variance: Fraction | None = None
+    cost: Fraction | None = None
     law: Mapping[Fraction, Fraction] | None = None
     note: str = ""
 
@@ -53,18 +74,74 @@ def read_declaration(declares: Any) -> Declaration | None:
 
 def derive_declared(declaration: Declaration, pixel: Pixel) -> tuple[Declared, ...]:
     """What the oracle derives for each channel of ``pixel``, as far as it can be done exactly."""
-    channels = range(pixel.channels or 1)
-    bias: Any = None
-    variance: Any = None
+    found: dict[str, Any] = {}
+    note = ""
     try:
         with plan_errors(declaration.plan):
             derivation = derive(declaration.plan, pixel, **declaration.params)
-            bias = derivation.bias
-            variance = derivation.variance
-            law = derivation.distribution()
+            for name in ("bias", "cost", "variance"):
+                found[name] = getattr(derivation, name)
+            found["law"] = derivation.distribution()
     except (RowBudgetExceeded, NotExact, NeedsScene) as why:
-        return tuple(Declared(_channel(bias, c), _channel(variance, c), None, str(why)) for c in channels)
-    return tuple(Declared(_channel(bias, c), _channel(variance, c), _marginal(law, c)) for c in channels)
+        note = str(why)
+    return tuple(
+        Declared(
+            _channel(found.get("bias"), c),
+            _channel(found.get("variance"), c),
+            found.get("cost"),
+            _marginal(found["law"], c) if "law" in found else None,
+            note,
+        )
+        for c in range(pixel.channels or 1)
+    )
+
+
+def read_prediction(predicted: Any, pixel: Pixel) -> tuple[Declared, ...]:
+    """What ``predicts(pixel)`` of an estimator says: a mapping with some of law, mean, variance and cost.
+
+    ``law`` maps outcomes to probabilities, a mean or a variance of a colour pixel has a number a channel.
+    Raises InputError for a law that does not sum to 1, InputTypeError for what is no such mapping.
+
+    >>> read_prediction({"law": {0: "1/2", 1: "1/2"}}, Pixel.two("1/4"))[0].bias
+    Fraction(1, 4)
+    """
+    if not isinstance(predicted, Mapping) or not predicted or not set(predicted) <= set(PREDICTIONS):
+        raise InputTypeError(f"predicts(pixel) gave {predicted!r:.80}: return a mapping with any of {PREDICTIONS}")
+    law = None if predicted.get("law") is None else read_law(predicted["law"])
+    return tuple(_predicted(predicted, law, pixel, c) for c in range(pixel.channels or 1))
+
+
+def read_law(law: Any) -> dict[Any, Fraction]:
+    """Outcomes with their probabilities, exact; InputError unless they are a law."""
+    if not isinstance(law, Mapping) or not law:
+        raise InputTypeError(f"law={law!r:.80}: write a mapping outcome -> probability, such as {{0: '7/8', 1: '1/8'}}")
+    found: dict[Any, Fraction] = {}
+    for outcome, probability in law.items():
+        key = (
+            tuple(exact_number(part, "outcome") for part in outcome)
+            if isinstance(outcome, tuple)
+            else exact_number(outcome, "outcome")
+        )
+        found[key] = found.get(key, Fraction(0)) + exact_weight(probability, f"probability of {outcome}")
+    if sum(found.values()) != 1:
+        raise InputError(f"the probabilities of law={law!r:.80} sum to {sum(found.values())}, not to 1: correct them")
+    return found
+
+
+def _predicted(predicted: Mapping[str, Any], law: Any, pixel: Pixel, channel: int) -> Declared:
+    true_mean = _channel(pixel.mean, channel)
+    mean, variance = (_number(_channel(predicted.get(name), channel), name) for name in ("mean", "variance"))
+    marginal = None
+    if law is not None:
+        marginal = _marginal(law, channel)
+        mean = sum((x * p for x, p in marginal.items()), Fraction(0))
+        variance = sum(((x - mean) ** 2 * p for x, p in marginal.items()), Fraction(0))
+    bias = None if mean is None else mean - true_mean
+    return Declared(bias, variance, _number(predicted.get("cost"), "cost"), marginal)
+
+
+def _number(value: Any, name: str) -> Fraction | None:
+    return None if value is None else Fraction(exact_number(value, name))
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Evidence that an estimator departs from the exact law, or the exact mean, of a declared plan."""
+"""Evidence that an estimator departs from the exact law of a declared plan."""
 
 from __future__ import annotations
 
@@ -9,33 +9,9 @@ from fractions import Fraction
 
 import numpy as np
 
-from truemean.conformance.evidence import Evidence, FloatArray, hybrid
+from truemean.conformance.evidence import Batch, FloatArray
 
-__all__ = ["LawFit", "MeanFit"]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MeanFit:
-    """An e-process against |E[y] - mean| <= slack: what is left to compare when a law is too large."""
-
-    above: Evidence
-    below: Evidence
-    log_evidence: float = 0.0
-    peak: float = 0.0
-
-    @classmethod
-    def to(cls, mean: float, slack: float, level: float, budget: int) -> MeanFit:
-        """No outcomes seen."""
-        above, below = (
-            Evidence.against(edge, hybrid(edge, level / 2, budget)) for edge in (mean + slack, 1 - mean + slack)
-        )
-        return cls(above, below)
-
-    def update(self, values: FloatArray, counts: FloatArray) -> MeanFit:
-        """The evidence after ``counts[j]`` more outcomes ``values[j]``."""
-        above, below = self.above.update(values, counts), self.below.update(1 - values, counts)
-        now = float(np.logaddexp(above.log_evidence, below.log_evidence)) - math.log(2)
-        return MeanFit(above, below, now, max(self.peak, now))
+__all__ = ["LawFit"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,8 +21,8 @@ class LawFit:
     An outcome off every atom settles it: atoms within 2 ``slack`` are one, outcomes may be ``slack`` off.
 
     >>> fit = LawFit.to({Fraction(0): Fraction(1, 2), Fraction(1): Fraction(1, 2)}, 1e-9, 0.01, 1000)
-    >>> heads = fit.update(np.array([0.0, 1.0]), np.array([10.0, 40.0]))
-    >>> heads.log_evidence > math.log(100), fit.update(np.array([0.5]), np.array([1.0])).log_evidence
+    >>> heads = fit.update(Batch(np.array([0.0, 1.0]), np.array([10.0, 40.0])))
+    >>> heads.log_evidence > math.log(100), fit.update(Batch.of(np.array([0.5]))).log_evidence
     (True, inf)
     """
 
@@ -73,12 +49,27 @@ class LawFit:
         places = np.array(atoms)
         return cls(places, log_law, _tilts(places, log_law, level, budget), np.zeros(places.size), slack)
 
-    def update(self, values: FloatArray, counts: FloatArray) -> LawFit:
-        """The evidence after ``counts[j]`` more outcomes ``values[j]``."""
-        nearest = np.searchsorted((self.atoms[1:] + self.atoms[:-1]) / 2, values)
-        if np.any(np.abs(values - self.atoms[nearest]) > 3 * self.slack):
+    @property
+    def lean(self) -> int:
+        """Which way the mean departs."""
+        law = np.exp(self.log_law)
+        return 1 if self.atoms @ self.counts >= self.counts.sum() * float(self.atoms @ law) else -1
+
+    def update(self, batch: Batch) -> LawFit:
+        """The evidence after one more look, at outcomes as they are, not shared out on a grid."""
+        nearest = np.searchsorted((self.atoms[1:] + self.atoms[:-1]) / 2, batch.values)
+        off = np.any(np.abs(batch.values - self.atoms[nearest]) > 3 * self.slack)
+        if off or self.log_evidence == math.inf:
             return replace(self, log_evidence=math.inf, peak=math.inf)
-        total = self.counts + np.bincount(nearest, counts, self.atoms.size)
+        return self._with(self.counts + np.bincount(nearest, batch.counts, self.atoms.size))
+
+    def merge(self, later: LawFit) -> LawFit:
+        """The evidence of both; an outcome off the atoms stays decisive."""
+        if math.inf in (self.peak, later.peak):
+            return replace(self, log_evidence=math.inf, peak=math.inf)
+        return self._with(self.counts + later.counts)
+
+    def _with(self, total: FloatArray) -> LawFit:
         tilted = _log_average(self.tilts @ total)
         now = float(np.logaddexp(tilted, _dirichlet(self.log_law, total))) - math.log(2)
         return replace(self, counts=total, log_evidence=now, peak=max(self.peak, now))

@@ -12,7 +12,10 @@ import numpy as np
 
 from truemean import __version__
 from truemean.conformance.declared import read_declaration
+from truemean.conformance.evidence import METHODS
+from truemean.conformance.panel import Panel, read_regions
 from truemean.conformance.replicates import attribute
+from truemean.conformance.seeding import check_seeds
 from truemean.conformance.settings import Chosen, Settings, read_pixels
 from truemean.conformance.stream import Stream, looks, open_streams
 from truemean.conformance.verdict import Case, PlanCheck, Report, Verdict
@@ -34,20 +37,34 @@ def judge(
     beta: float = 1e-2,
     budget: int = 100_000,
     seed: int = 0,
+    # What is known of the estimator, and of the pixels.
     declares: Any = None,
     range: Any = None,  # noqa: A002 - the word that estimators use too
+    variance: Any = None,
     timeout: float | None = None,
+    method: str = "focus",
+    suspects: Sequence[Any] = (),
+    regions: Any = None,
+    independent: bool = False,
+    deterministic: bool | None = None,
     progress: Progress | None = None,
 ) -> Report:
     """Whether E[ξ] lies within ``tolerance`` of the true mean I on each pixel, with evidence valid at every look.
 
-    ``tolerance`` is absolute, or ``"1%"`` of the pixel's scale; ``pixels`` a mapping name -> Pixel, by
-    default those the estimator brings, else the standard ones. A wrong BIASED or DEVIATES anywhere in
-    the run has probability at most ``alpha``, a wrong CONFORMS at most ``beta`` for each case.
-    ``budget`` counts replicates per pixel; decided pixels leave theirs to the others. ``declares =
-    (plan, params)`` and ``range = (lo, hi)`` override what the estimator says of itself; ``timeout`` is
-    in seconds, looked at between batches; ``progress(pixel, replicates, undecided)`` is called after
-    each look. An interrupt returns what was gathered. Raises InputError for arguments that can't be meant.
+    ``tolerance`` is absolute, or ``"1%"`` of the pixel's scale, or a mapping pixel -> tolerance with ``"*"`` for
+    the others; ``pixels`` a mapping name -> Pixel, by default those the estimator brings, else the standard
+    ones. A wrong BIASED or DEVIATES anywhere in the run has probability at most ``alpha``, a wrong CONFORMS at
+    most ``beta`` for each case, and a wrong CONFORMS of the whole run, hence, at most ``beta``.
+    ``budget`` counts replicates per pixel; decided pixels leave theirs to the others.
+
+    ``declares = (plan, params)`` and ``range = (lo, hi)`` override what the estimator says of itself. Estimates
+    without a finite range need ``variance``, a bound. ``suspects`` are plans that the estimator may secretly
+    follow: bets are put on them, the verdict stays as sure. ``method`` is a name of `METHODS`. ``regions`` is a
+    mapping region -> pixels, or the side of square tiles. ``independent=True`` says that pixels are, so that
+    small biases of many add up faster. ``deterministic=True``: the estimator may ignore its seeds.
+    ``timeout`` is in seconds, looked at between batches; ``progress(pixel, replicates, undecided)`` is called after
+    each look. An interrupt returns what was gathered. Raises InputError for arguments that can't be meant,
+    SubjectError when the seeds do not do what seeds do.
 
     >>> from truemean.oracle.pixel import Pixel
     >>> def mean_of_four(pixel, seeds):
@@ -57,15 +74,24 @@ def judge(
     >>> str(report.verdict), report.cases[0].replicates < 1000
     ('CONFORMS', True)
     """
+    # What is asked.
     subject = as_estimator(estimator)
     plan = read_declaration(attribute(subject, "declares") if declares is None else declares)
-    settings = Settings(tolerance, alpha, beta, budget, seed, plan, range, timeout)
+    suspected = tuple(filter(None, map(read_declaration, suspects)))
+    settings = Settings(
+        tolerance, alpha, beta, budget, seed, plan, range, timeout, variance, method, suspected, independent
+    )
     name, versions = attribute(subject, "name") or type(subject).__name__, _versions(subject)
     chosen = read_pixels(subject, pixels)
+    order = [each.name for each in chosen]
+    groups = read_regions(regions, order)
+    # Every bet is placed before the run.
     streams, skipped = open_streams(subject, chosen, settings)
-    ended, peak = _draw(subject, streams, settings, sum(each.channels for each in chosen), progress)
-    cases = _cases(streams, [each.name for each in chosen], ended)
-    verdict, reason = _verdict(cases, peak >= -math.log(settings.alpha_biased))
+    panel = Panel(streams, settings.alpha_biased(subject), sum(each.channels for each in chosen), settings)
+    ended = _draw(subject, panel, settings, deterministic, progress)
+    cases = _cases(streams, order, ended)
+    verdict, reason = _verdict(cases, panel.is_biased)
+    # Everything that was found.
     return Report(
         subject=str(name),
         verdict=verdict,
@@ -73,38 +99,31 @@ def judge(
         plan_check=_plan_check(cases),
         cases=cases,
         skipped=skipped | {each.name: s.skipped for s in streams if s.skipped for each in s.chosen},
-        arguments=settings.arguments() | {"pixels": tuple(each.name for each in chosen)},
+        arguments=settings.arguments() | {"pixels": tuple(order)},
         seed=settings.seed,
         notes=_notes(settings, chosen),
         versions=versions,
         interrupted=ended == INTERRUPTED,
+        discoveries=panel.discoveries(),
+        regions=panel.regions(groups),
+        somewhere=panel.somewhere,
     )
 
 
-def _draw(
-    subject: Any, streams: Sequence[Stream], settings: Settings, cases: int, progress: Progress | None
-) -> tuple[str, float]:
-    """Why the run ended, and the peak of the combined evidence for a bias somewhere.
-
-    That evidence is the average over all cases of the current evidence of each (1 for those skipped),
-    whatever they have in common. Its maximum over time is valid; an average of maxima would not be.
-    """
+def _draw(subject: Any, panel: Panel, settings: Settings, deterministic: bool | None, progress: Progress | None) -> str:
+    """Draw until every case is decided or nothing is left; why the run ended."""
     deadline = math.inf if settings.timeout is None else time.monotonic() + settings.timeout
-    sums = {id(stream): stream.log_biased for stream in streams}
-    declined = cases - sum(len(trials) for stream in streams for trials in stream.trials)
-    rest = [math.log(declined)] if declined else []
-    peak = 0.0
     try:
-        for stream in looks(subject, streams, settings.budget):
-            sums[id(stream)] = stream.log_biased
-            peak = max(peak, float(np.logaddexp.reduce([*sums.values(), *rest])) - math.log(cases))
+        check_seeds(subject, panel.streams, deterministic=deterministic)
+        for stream in looks(subject, panel.streams, settings.budget):
+            panel.watch(stream)
             if progress is not None:
-                progress(stream.chosen[0].name, stream.drawn, sum(other.waiting for other in streams))
+                progress(stream.chosen[0].name, stream.drawn, panel.waiting)
             if time.monotonic() > deadline:
-                return f"stopped by timeout={settings.timeout}", peak
+                return f"stopped by timeout={settings.timeout}"
     except KeyboardInterrupt:
-        return INTERRUPTED, peak
-    return SPENT, peak
+        return INTERRUPTED
+    return SPENT
 
 
 def _cases(streams: Sequence[Stream], order: Sequence[str], ended: str) -> tuple[Case, ...]:
@@ -134,10 +153,20 @@ def _plan_check(cases: Sequence[Case]) -> PlanCheck | None:
 
 
 def _notes(settings: Settings, chosen: Sequence[Chosen]) -> tuple[str, ...]:
+    alpha, beta, method = settings.alpha, settings.beta, METHODS[settings.method]
     notes = [
-        f"if nothing is wrong, a BIASED or DEVIATES anywhere in this run has probability at most {settings.alpha:g}",
+        f"if nothing is wrong, a BIASED or DEVIATES anywhere in this run has probability at most {alpha:g}",
+        f"if some pixel is biased beyond its tolerance, all of them CONFORM with probability at most {beta:g}",
     ]
-    if all(settings.tolerance_on(each.pixel) == 0 for each in chosen):
+    if settings.method != "focus":
+        notes.append(f"method {settings.method}: {method.guarantee}")
+    if not method.valid:
+        notes = notes[2:]
+    if settings.independent:
+        notes.append(
+            "the pixels are independent by declaration: the combined evidence, with half of alpha, rests on it"
+        )
+    if all(settings.tolerance_on(each.name, each.pixel) == 0 for each in chosen):
         notes.append(
             "tolerance 0 hunts for bias: CONFORMS can't be reached, but where the range leaves no room for bias"
         )

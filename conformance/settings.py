@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from fractions import Fraction
 from numbers import Integral
 from typing import Any
 
 import numpy as np
 
-from truemean.conformance.declared import Declaration
+from truemean.conformance.declared import Declaration, Declared, derive_declared, read_prediction
+from truemean.conformance.evidence import METHODS
+from truemean.conformance.openings import Levels
 from truemean.conformance.pixels import standard_pixels
 from truemean.conformance.replicates import attribute, blaming
 from truemean.conformance.target import Target
-from truemean.conformance.trial import Levels
-from truemean.errors import InputError, InputTypeError
+from truemean.errors import InputError, InputTypeError, UnknownName
 from truemean.oracle.exact import exact_number
 from truemean.oracle.pixel import Pixel
 
@@ -41,18 +43,24 @@ class Chosen:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """Tolerance, error rates, budget and seed, checked; ``range`` is that of all pixels, or None."""
+    """Tolerance, error rates, budget, seed, ..., checked; ``range`` and ``variance`` are those of all pixels, or None."""
 
     tolerance: Any
-    alpha: float
-    beta: float
-    budget: int
-    seed: int
-    declaration: Declaration | None
-    range: Any
-    timeout: float | None
+    alpha: float = 1e-2
+    beta: float = 1e-2
+    budget: int = 100_000
+    seed: int = 0
+    declaration: Declaration | None = None
+    range: Any = None
+    timeout: float | None = None
+    variance: Any = None
+    method: str = "focus"
+    suspects: tuple[Declaration, ...] = field(default_factory=tuple)
+    independent: bool = False
 
     def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise UnknownName("method", str(self.method), METHODS)
         for name in ("alpha", "beta"):
             level = getattr(self, name)
             if not (isinstance(level, int | float) and 0 < level < 1):
@@ -66,32 +74,62 @@ class Settings:
 
     def arguments(self) -> dict[str, Any]:
         """The arguments as they are reported."""
-        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "declaration"}
-        tolerance = self.tolerance if isinstance(self.tolerance, str) else exact_number(self.tolerance)
+        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("declaration", "suspects")}
         plan = self.declaration and {"plan": self.declaration.name, "params": self.declaration.params}
-        return plain | {"tolerance": tolerance, "declares": plan}
+        suspects = tuple({"plan": suspect.name, "params": suspect.params} for suspect in self.suspects)
+        return plain | {"tolerance": _shown(self.tolerance), "declares": plan, "suspects": suspects}
 
-    @property
-    def alpha_biased(self) -> float:
-        """The part of alpha that BIASED may use over the whole run; a declared plan takes the other half."""
-        return self.alpha if self.declaration is None else self.alpha / 2
+    def declares(self, subject: Any) -> bool:
+        """Whether anything is declared that the estimates are compared with."""
+        return self.declaration is not None or attribute(subject, "predicts") is not None
 
-    def levels(self, cases: int) -> Levels:
+    def alpha_biased(self, subject: Any) -> float:
+        """The part of alpha that naming cases BIASED may use over the whole run, and combined evidence as well.
+
+        Half of alpha goes to what is declared, if anything. The average of all evidence is there before any
+        case can be named, so that both share one level; the evidence of independent pixels needs its own half.
+        """
+        part = self.alpha / 2 if self.declares(subject) else self.alpha
+        return part / 2 if self.independent else part
+
+    def levels(self, subject: Any, cases: int) -> Levels:
         """The error rates of one case of so many: each part of alpha is shared by them all."""
-        return Levels(self.alpha_biased / cases, self.alpha / 2 / cases, self.beta, self.budget)
+        return Levels(self.alpha_biased(subject) / cases, self.alpha / 2 / cases, self.beta, self.budget)
 
-    def tolerance_on(self, pixel: Pixel) -> Fraction:
-        """The tolerance as a number: a percentage is of the pixel's scale."""
-        text = self.tolerance.strip() if isinstance(self.tolerance, str) else ""
+    def tolerance_on(self, name: str, pixel: Pixel) -> Fraction:
+        """The tolerance on a pixel as a number: a percentage is of the pixel's scale."""
+        given = self.tolerance
+        if isinstance(given, Mapping):
+            if name not in given and "*" not in given:
+                raise InputError(
+                    f"tolerance={_shown(given)} has none for pixel {name!r}: add it, or '*' for all others"
+                )
+            given = given.get(name, given.get("*"))
+        text = given.strip() if isinstance(given, str) else ""
         if text.endswith("%"):
             tolerance: Fraction = exact_number(text[:-1], "tolerance") / 100 * pixel.scale
         else:
-            tolerance = exact_number(self.tolerance, "tolerance")
+            tolerance = exact_number(given, "tolerance")
         if tolerance < 0:
-            raise InputError(
-                f"tolerance={self.tolerance!r} is negative: give a number >= 0 or a percentage such as '1%'"
-            )
+            raise InputError(f"tolerance={given!r} is negative: give a number >= 0 or a percentage such as '1%'")
         return tolerance
+
+    def check_tolerances(self, names: Sequence[str]) -> None:
+        """UnknownName for a tolerance of a pixel that is not judged."""
+        for name in self.tolerance if isinstance(self.tolerance, Mapping) else ():
+            if name not in names and name != "*":
+                raise UnknownName("pixel with a tolerance", str(name), names)
+
+    def declared(self, subject: Any, chosen: Chosen) -> tuple[Declared, ...] | None:
+        """What is declared of each channel of a pixel: by a plan, or else by the subject's own ``predicts(pixel)``."""
+        if self.declaration is not None:
+            return derive_declared(self.declaration, chosen.pixel)
+        own = attribute(subject, "predicts")
+        if own is None:
+            return None
+        with blaming("predicts(pixel)"):
+            predicted = own(chosen.given)
+        return read_prediction(predicted, chosen.pixel)
 
     def targets(self, subject: Any, chosen: Chosen) -> tuple[Target, ...]:
         """What is asked of each channel of a pixel."""
@@ -102,30 +140,69 @@ class Settings:
         rounding = exact_number(attribute(subject, "rounding") or ROUNDING, "rounding") * pixel.scale
         targets = []
         for channel, (column, mean) in enumerate(zip(zip(*colours, strict=True), means, strict=True)):
-            low, high = bounds[channel] if bounds else (min(column), max(column))
-            slack = max(rounding, ULPS * Fraction(float(np.spacing(float(max(abs(low), abs(high)))))))
+            ends = bounds[channel] if bounds else (min(column), max(column))
+            largest = max(abs(end) for end in ends or (mean,))
+            slack = max(rounding, ULPS * Fraction(float(np.spacing(float(largest)))))
             number = None if pixel.channels is None else channel
-            targets.append(Target(chosen.name, number, mean, self.tolerance_on(pixel), low, high, slack))
+            deviation = None if ends else self._deviation(subject, chosen, channel)
+            if ends and not ends[0] - slack <= mean <= ends[1] + slack:
+                raise InputError(
+                    f"range=({ends[0]}, {ends[1]}) of pixel {chosen.name!r} does not contain its true mean {mean}: "
+                    "declare the range of the estimates, lo <= I <= hi"
+                )
+            tolerance = self.tolerance_on(chosen.name, pixel)
+            targets.append(Target(chosen.name, number, mean, tolerance, ends, slack, deviation))
         return tuple(targets)
 
-    def _bounds(self, subject: Any, chosen: Chosen, channels: int) -> list[tuple[Fraction, Fraction]] | None:
-        """The declared range by channel; None where none is declared."""
-        bounds = _declared_range(subject, chosen.given) if self.range is None else self.range
+    def _bounds(self, subject: Any, chosen: Chosen, channels: int) -> list[tuple[Fraction, Fraction] | None] | None:
+        """The declared range by channel, None for an infinite one; None where none is declared."""
+        bounds = _own(subject, "range", chosen.given) if self.range is None else self.range
         if bounds is None:
             return None
         try:
             low, high = (np.broadcast_to(np.asarray(end, dtype=object), channels) for end in bounds)
         except (TypeError, ValueError):
             raise InputTypeError(f"range={bounds!r}: write (lo, hi), each a number or one number per channel") from None
-        pairs = [(exact_number(lo, "range"), exact_number(hi, "range")) for lo, hi in zip(low, high, strict=True)]
-        if any(lo > hi for lo, hi in pairs):
+        pairs = [_read_range(lo, hi) for lo, hi in zip(low, high, strict=True)]
+        if any(pair and pair[0] > pair[1] for pair in pairs):
             raise InputError(f"range={bounds!r} is empty: write (lo, hi) with lo <= hi")
         return pairs
 
+    def _deviation(self, subject: Any, chosen: Chosen, channel: int) -> Fraction:
+        """The bound on the standard deviation of estimates without a range, rounded up."""
+        bound = _own(subject, "variance", chosen.given) if self.variance is None else self.variance
+        if bound is None:
+            raise InputError(
+                f"the estimates of pixel {chosen.name!r} have no finite range, and no number of replicates bounds the "
+                "mean of those: declare a bound on their variance, variance=v, or a range (lo, hi)"
+            )
+        variance = exact_number(bound[channel] if isinstance(bound, tuple | list) else bound, "variance")
+        if variance <= 0:
+            raise InputError(f"variance={bound!r} is no bound: give a number > 0")
+        return Fraction(math.nextafter(math.sqrt(variance), math.inf))
 
-def _declared_range(subject: Any, given: Any) -> Any:
-    own = attribute(subject, "range")
-    with blaming("range(pixel)"):
+
+def _shown(tolerance: Any) -> Any:
+    if isinstance(tolerance, Mapping):
+        return {str(name): _shown(part) for name, part in tolerance.items()}
+    return tolerance if isinstance(tolerance, str) else exact_number(tolerance, "tolerance")
+
+
+def _read_range(low: Any, high: Any) -> tuple[Fraction, Fraction] | None:
+    if any(_infinite(end) for end in (low, high)):
+        return None
+    return exact_number(low, "range"), exact_number(high, "range")
+
+
+def _infinite(end: Any) -> bool:
+    if isinstance(end, str):
+        return end.strip().lstrip("+-") in ("inf", "infinity")
+    return isinstance(end, float) and math.isinf(end)
+
+
+def _own(subject: Any, name: str, given: Any) -> Any:
+    own = attribute(subject, name)
+    with blaming(f"{name}(pixel)"):
         return own and own(given)
 
 

@@ -13,6 +13,7 @@ from truemean.conformance.declared import derive_declared
 from truemean.conformance.replicates import Seeds, attribute, run
 from truemean.conformance.settings import Chosen, Settings
 from truemean.conformance.trial import Trial
+from truemean.conformance.verdict import Verdict
 from truemean.errors import SubjectError, Unsupported
 
 __all__ = ["Stream", "looks", "open_streams"]
@@ -35,9 +36,18 @@ class Stream:
         return undecided and not self.skipped and self.drawn < self.seeds.capacity
 
     @property
-    def log_biased(self) -> float:
-        """The logarithm of the sum, over its cases, of the current evidence for a bias."""
-        return float(np.logaddexp.reduce([trial.log_biased for trials in self.trials for trial in trials]))
+    def log_biased(self) -> list[float]:
+        """The current evidence for a bias of each of its cases."""
+        return [trial.biased.log_evidence for trials in self.trials for trial in trials]
+
+    @property
+    def named(self) -> int:
+        """How many of its cases are BIASED."""
+        return sum(trial.verdict is Verdict.BIASED for trials in self.trials for trial in trials)
+
+    def relax(self, level: float) -> None:
+        """Ask for less evidence of its undecided cases, as Holm allows once others are BIASED."""
+        self.trials = [[trial.relaxed(level) for trial in trials] for trials in self.trials]
 
     def advance(self, subject: Any, limit: int) -> int:
         """One look: draw the next batch, up to ``limit`` replicates in all; how many were drawn."""
@@ -81,6 +91,7 @@ def open_streams(subject: Any, chosen: Sequence[Chosen], settings: Settings) -> 
     One stream a pixel, or, where the subject renders many at once, one for all of as many channels.
     """
     together = callable(attribute(subject, "run_many"))
+    settings.check_tolerances([each.name for each in chosen])
     cases = sum(each.channels for each in chosen)
     groups: dict[Any, list[tuple[Chosen, list[Trial]]]] = {}
     skipped = {}
@@ -100,14 +111,24 @@ def open_streams(subject: Any, chosen: Sequence[Chosen], settings: Settings) -> 
 
 
 def _open_trials(subject: Any, chosen: Chosen, settings: Settings, cases: int) -> list[Trial]:
-    fault = ""
+    fault, declared = "", None
     try:
         targets = settings.targets(subject, chosen)
+        declared = settings.declared(subject, chosen)
     except SubjectError as broken:
         targets, fault = settings.targets(None, chosen), str(broken)
-    plan = settings.declaration and derive_declared(settings.declaration, chosen.pixel)
-    levels = settings.levels(cases)
-    trials = [Trial.open(target, levels, plan[i] if plan else None) for i, target in enumerate(targets)]
+    suspects = {f"suspect {s.name}": derive_declared(s, chosen.pixel) for s in settings.suspects}
+    levels = settings.levels(subject, cases)
+    trials = [
+        Trial.open(
+            target,
+            levels,
+            declared[i] if declared else None,
+            {name: suspect[i] for name, suspect in suspects.items()},
+            settings.method,
+        )
+        for i, target in enumerate(targets)
+    ]
     return [trial.broken(fault) for trial in trials] if fault else trials
 
 

@@ -7,74 +7,76 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
-import numpy as np
-
 from truemean.conformance.declared import Declared
 from truemean.conformance.evidence import (
+    Batch,
+    Blend,
+    Bounded,
     EProcess,
-    Evidence,
     FloatArray,
+    Mixture,
     Outcomes,
-    best_fraction,
+    edge_of,
     growth,
-    hybrid,
-    lower_end,
-    variance_fraction,
 )
-from truemean.conformance.fit import LawFit, MeanFit
+from truemean.conformance.openings import Levels, end_bets, open_biased, open_fit, open_within, scaled_law
 from truemean.conformance.target import Target
 from truemean.conformance.verdict import Case, PlanCheck, Verdict
 
-__all__ = ["Levels", "Trial"]
+__all__ = ["Trial"]
 
-EVIDENCE = ("above", "below", "not_above", "not_below", "fit")
-
-
-@dataclass(frozen=True, slots=True)
-class Levels:
-    """Error rates of one case: ``biased`` for both signs together, ``deviates``, ``conforms`` per edge."""
-
-    biased: float
-    deviates: float
-    conforms: float
-    budget: int
+EVIDENCE = ("biased", "not_above", "not_below", "fit")
+LEAST_LOOK, LOOK_GROWTH = 4, 0.04  # evidence looks at so many outcomes, or at this share of those before, at a time
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
-    """The evidence on one case, a value: `observe` returns the trial after one more look."""
+    """The evidence on one case, a value: `observe` returns the trial after more replicates."""
 
     target: Target
     levels: Levels
-    above: Evidence
-    below: Evidence
-    not_above: Evidence
-    not_below: Evidence
+    biased: EProcess
+    not_above: EProcess
+    not_below: EProcess
     declared: Declared | None = None
     fit: EProcess | None = None
+    shared: tuple[Mixture, Mixture] | None = None
     outcomes: Outcomes = field(default_factory=Outcomes)
     cost: float | None = None
     verdict: Verdict | None = None
     reason: str = ""
 
     @classmethod
-    def open(cls, target: Target, levels: Levels, declared: Declared | None = None) -> Trial:
+    def open(
+        cls,
+        target: Target,
+        levels: Levels,
+        declared: Declared | None = None,
+        suspects: Mapping[str, Declared] | None = None,
+        method: str = "focus",
+    ) -> Trial:
         """No replicates drawn: every bet is placed here, before the run."""
-        edges = [target.edge(sign, target.tolerance + target.slack) for sign in (1, -1)]
-        above, below = (Evidence.against(edge, hybrid(edge, levels.biased / 2, levels.budget)) for edge in edges)
-        not_below, not_above = (_within(target, levels, declared, sign) for sign in (1, -1))
-        fit = _fit(target, levels, declared) if declared else None
-        return cls(target, levels, above, below, not_above, not_below, declared, fit)
+        suspected = {**({"the declared plan": declared} if declared else {}), **(suspects or {})}
+        return cls(
+            target,
+            levels,
+            open_biased(target, levels, method, suspected),
+            open_within(target, levels, method, declared, -1),
+            open_within(target, levels, method, declared, 1),
+            declared,
+            open_fit(target, declared, levels) if declared else None,
+            outcomes=Outcomes() if target.range else Outcomes(limit=None),
+        )
 
     @property
-    def log_biased(self) -> float:
-        """The current evidence for a bias of either sign: the average of both e-values."""
-        return float(np.logaddexp(self.above.log_evidence, self.below.log_evidence)) - math.log(2)
+    def replicates(self) -> int:
+        """How many were observed."""
+        return int(self.outcomes.moments.total)
 
     @property
     def plan_check(self) -> PlanCheck | None:
-        """Whether the declared plan is followed, so far; None when nothing could be compared."""
-        if self.fit is None or not self.outcomes.total:
+        """Whether what is declared is followed, so far; None when nothing could be compared."""
+        if self.fit is None or not self.replicates:
             return None
         deviates = self.fit.peak >= -math.log(self.levels.deviates)
         return PlanCheck.DEVIATES if deviates else PlanCheck.FOLLOWS
@@ -83,58 +85,74 @@ class Trial:
         """The trial of an estimator that broke here; the evidence is kept."""
         return replace(self, verdict=Verdict.BROKEN, reason=reason)
 
+    def relaxed(self, level: float) -> Trial:
+        """The trial when more of alpha has become free for it; a verdict is never changed."""
+        return _decide(replace(self, levels=replace(self.levels, biased=level)))
+
     def observe(self, estimates: FloatArray, cost: float | None = None) -> Trial:
-        """The trial after one more look at more estimates, of total ``cost``."""
-        y, counts = np.unique(self.target.outcomes(estimates), return_counts=True)
-        number = counts.astype(float)
+        """The trial after more estimates, of total ``cost``; evidence looks at them a few at a time, in their order."""
+        trial, y, start = self, self.target.outcomes(estimates), 0
+        while start < y.size:
+            stop = start + max(LEAST_LOOK, math.ceil((self.replicates + start) * LOOK_GROWTH))
+            trial, start = trial._look(Batch.of(y[start:stop])), stop
+        outcomes = self.outcomes.update(Batch.of(y))
+        return replace(trial, outcomes=outcomes, cost=None if cost is None else (self.cost or 0.0) + cost)
+
+    def _look(self, batch: Batch) -> Trial:
         return _decide(
             replace(
                 self,
-                above=self.above.update(y, number),
-                below=self.below.update(1 - y, number),
-                not_above=self.not_above.update(1 - y, number),
-                not_below=self.not_below.update(y, number),
-                fit=self.fit and self.fit.update(y, number),
-                outcomes=self.outcomes.update(y, number),
-                cost=None if cost is None else (self.cost or 0.0) + cost,
+                biased=self.biased.update(batch),
+                not_above=self.not_above.update(batch),
+                not_below=self.not_below.update(batch),
+                fit=self.fit and self.fit.update(batch),
+                shared=self.shared and (self.shared[0].update(batch), self.shared[1].update(batch)),
             )
         )
 
     def interval(self) -> tuple[float, float]:
-        """The anytime interval of E[ξ] - I at 1 - 2 beta, cut at the edges that were once ruled out."""
+        """The anytime interval of E[ξ] - I at 1 - 2 beta, cut at the edges that were once ruled out.
+
+        Each end is a confidence sequence at beta / 2. A truth beyond an edge that was ruled out has
+        probability beta at most, and lies beyond one edge only.
+        """
         target, asked = self.target, -math.log(self.levels.conforms)
-        low, high = 0.0, 1.0
-        if self.outcomes.total:
-            low = lower_end(self.outcomes, self.not_below.bets, self.levels.conforms)
-            high = 1 - lower_end(self.outcomes.mirrored(), self.not_above.bets, self.levels.conforms)
-        width, slack, tolerance = float(target.width), float(target.slack), float(target.tolerance)
-        centre = target.scaled(target.true_mean)
-        high = min(high, target.scaled(target.high))
-        lower, upper = width * (low - centre) - slack, width * (high - centre) + slack
+        ends = [self._end(sign) - float(target.scaled(target.true_mean)) for sign in (1, -1)]
+        tolerance, slack = float(target.tolerance), float(target.slack)
+        lower, upper = float(target.width) * ends[0] - slack, float(target.width) * ends[1] + slack
         return (
             max(lower, -tolerance) if self.not_below.peak >= asked else lower,
             min(upper, tolerance) if self.not_above.peak >= asked else upper,
         )
 
+    def _end(self, sign: int) -> float:
+        target, level, limit = self.target, self.levels.conforms / 2, self.target.limit(sign)
+        if not self.replicates:
+            return limit
+        bets = end_bets(target, self.levels, self.declared, sign)
+        return edge_of(self.outcomes, lambda y: target.side_at(sign, y), bets, level, limit)
+
     def predicted(self) -> int | None:
         """How many replicates a verdict would take, from the declared law or else from the outcomes."""
-        y, law = self.outcomes.values, self.outcomes.counts / max(1, self.outcomes.total)
+        target, (y, law) = self.target, self.outcomes.law
         if self.declared and self.declared.law:
-            y, law = _scaled_law(self.target, self.declared.law)
+            y, law = scaled_law(target, self.declared.law)
         if not y.size:
             return None
-        within = min(growth(y, law, self.not_below.mean), growth(1 - y, law, self.not_above.mean))
-        beyond = max(growth(y, law, self.above.mean), growth(1 - y, law, self.below.mean))
-        needs = ((-math.log(self.levels.conforms), within), (-math.log(self.levels.biased / 2), beyond))
+        inner, outer = target.slack - target.tolerance, target.tolerance + target.slack
+        within = min(_growth(target, sign, inner, y, law) for sign in (1, -1))
+        beyond = max(_growth(target, sign, outer, y, law) for sign in (1, -1))
+        needs = ((-math.log(self.levels.conforms), within), (-math.log(self.levels.biased), beyond))
         counts = [math.ceil(1.3 * nats / rate) for nats, rate in needs if rate > 0]
-        return max(min(counts), self.outcomes.total + 1) if counts else None
+        return max(min(counts), self.replicates + 1) if counts else None
 
     def case(self, ended: str) -> Case:
         """What the report says; ``ended`` is why an undecided trial drew no more replicates."""
-        target, declared, total = self.target, self.declared, self.outcomes.total
+        target, declared, seen = self.target, self.declared, self.outcomes.moments
         width = float(target.width)
         lower, upper = self.interval()
         predicted = None if self.verdict else self.predicted()
+        variance = declared.variance if declared else None
         return Case(
             pixel=target.pixel,
             channel=target.channel,
@@ -144,13 +162,15 @@ class Trial:
             true_mean=target.true_mean,
             tolerance=target.tolerance,
             declared_bias=declared.bias if declared else None,
-            range=(target.low, target.high),
-            mean=float(target.low) + width * self.outcomes.mean if total else None,
+            declared_std=None if variance is None else math.sqrt(variance),
+            declared_cost=declared.cost if declared else None,
+            range=target.range or target.ends,
+            mean=float(target.origin) + width * seen.mean if seen.total else None,
             bias_interval=(lower, upper),
             bias_bound=max(-lower, upper),
-            std=width * math.sqrt(self.outcomes.squares / (total - 1)) if total > 1 else None,
-            cost=None if self.cost is None else self.cost / total,
-            replicates=total,
+            std=width * math.sqrt(seen.squares / (seen.total - 1)) if seen.total > 1 else None,
+            cost=None if self.cost is None else self.cost / seen.total,
+            replicates=self.replicates,
             predicted=predicted,
             evidence={name: e.log_evidence for name in EVIDENCE if (e := getattr(self, name)) is not None},
         )
@@ -158,7 +178,8 @@ class Trial:
     def _reasons(self, ended: str, interval: tuple[float, float], predicted: int | None) -> Iterator[str]:
         if self.verdict:
             yield self.reason
-        elif not self.outcomes.total:
+            yield from self._as_declared(interval)
+        elif not self.replicates:
             yield f"{ended} before a replicate was drawn"
         else:
             yield f"{ended}, E[ξ] - I lies in [{interval[0]:.4g}, {interval[1]:.4g}]"
@@ -169,60 +190,47 @@ class Trial:
                 else "no number of replicates is likely to decide"
             )
         if self.plan_check is PlanCheck.DEVIATES:
-            yield "the estimates do not have the law of the declared plan"
+            yield self._deviation()
         if self.declared and self.declared.note:
             yield f"declared plan: {self.declared.note}"
+
+    def _as_declared(self, interval: tuple[float, float]) -> Iterator[str]:
+        """Whether a bias is the one declared, which reads differently from another."""
+        bias = self.declared.bias if self.declared else None
+        if self.verdict is not Verdict.BIASED or bias is None:
+            return
+        follows = self.plan_check is PlanCheck.FOLLOWS
+        if follows and interval[0] <= bias <= interval[1] and abs(bias) > self.target.tolerance:
+            yield f"biased as declared: its plan has the bias {float(bias):.4g}"
+        elif abs(bias) <= self.target.tolerance:
+            yield f"not as declared: its plan has the bias {float(bias):.4g}, within the tolerance"
+
+    def _deviation(self) -> str:
+        """In which way what is declared is not followed."""
+        if self.declared and self.declared.law is not None:
+            return "the estimates do not have the law of the declared plan"
+        noisier = isinstance(self.fit, Blend) and self.fit.leading == "noisier"
+        return f"the estimates are biased or noisier than declared, rather {'noisier' if noisier else 'biased'}"
+
+
+def _growth(target: Target, sign: int, margin: Fraction, y: FloatArray, law: FloatArray) -> float:
+    """Nats a replicate against E[ξ] <= I + margin (``sign`` 1), or >= I - margin."""
+    side = target.side(sign, margin)
+    if isinstance(side, Bounded):
+        return growth(side.oriented(y), law, side.mean)
+    distance = sign * (float(y @ law) - side.edge)
+    return distance**2 / 2 if distance > 0 else 0.0
 
 
 def _decide(trial: Trial) -> Trial:
     """The trial with the first verdict that its evidence allows."""
-    tolerance = float(trial.target.tolerance)
-    asked = -math.log(trial.levels.biased / 2)
-    for side, sign, now in (("above", "+", trial.above.log_evidence), ("below", "-", trial.below.log_evidence)):
-        if now >= asked:
-            reason = f"E[ξ] lies {side} I {sign} {tolerance:.6g}: evidence e^{now:.1f} where e^{asked:.1f} is asked"
-            return replace(trial, verdict=Verdict.BIASED, reason=reason)
+    if trial.verdict is not None:
+        return trial
+    tolerance, asked, found = float(trial.target.tolerance), -math.log(trial.levels.biased), trial.biased.peak
+    if found >= asked:
+        side, sign = ("above", "+") if trial.biased.lean > 0 else ("below", "-")
+        reason = f"E[ξ] lies {side} I {sign} {tolerance:.6g}: evidence e^{found:.1f} where e^{asked:.1f} is asked"
+        return replace(trial, verdict=Verdict.BIASED, reason=reason)
     if min(trial.not_above.peak, trial.not_below.peak) >= -math.log(trial.levels.conforms):
         return replace(trial, verdict=Verdict.CONFORMS, reason=f"E[ξ] lies within {tolerance:.6g} of I")
     return trial
-
-
-def _within(target: Target, levels: Levels, declared: Declared | None, sign: int) -> Evidence:
-    """The evidence that E[ξ] >= I - tolerance (``sign`` 1), or <= I + tolerance (-1).
-
-    Where the range itself implies it nothing can speak against it; where the tolerance is no larger
-    than the slack nothing can show it.
-    """
-    reached = (sign * target.true_mean) - target.tolerance <= (target.low if sign > 0 else -target.high)
-    edge = target.edge(sign, target.slack - target.tolerance)
-    bets = hybrid(edge, levels.conforms, levels.budget).favouring(_oracle_fraction(target, declared, sign, edge), 0.8)
-    shown = -math.inf if reached else edge if target.tolerance > target.slack else math.inf
-    return Evidence.against(shown, bets)
-
-
-def _oracle_fraction(target: Target, declared: Declared | None, sign: int, edge: float) -> float:
-    """The bet that the declared plan suggests: knowledge goes into bets, never into validity."""
-    if declared is None or edge <= 0:
-        return 0.0
-    if declared.law is not None:
-        y, law = _scaled_law(target, declared.law)
-        return best_fraction(y if sign > 0 else 1 - y, law, edge)
-    if declared.bias is not None and declared.variance is not None:
-        distance = target.edge(sign, sign * declared.bias) - edge
-        return variance_fraction(distance, float(declared.variance / target.width**2), edge)
-    return 0.0
-
-
-def _fit(target: Target, levels: Levels, declared: Declared) -> LawFit | MeanFit | None:
-    slack = float(target.slack / target.width)
-    if declared.law is not None:
-        law = {(atom - target.low) / target.width: mass for atom, mass in declared.law.items()}
-        return LawFit.to(law, slack, levels.deviates, levels.budget)
-    if declared.bias is not None:
-        return MeanFit.to(target.scaled(target.true_mean + declared.bias), slack, levels.deviates, levels.budget)
-    return None
-
-
-def _scaled_law(target: Target, law: Mapping[Fraction, Fraction]) -> tuple[FloatArray, FloatArray]:
-    atoms = np.array([target.scaled(atom) for atom in law])
-    return np.clip(atoms, 0.0, 1.0), np.array([float(mass) for mass in law.values()])

@@ -14,22 +14,22 @@ string ``"p/q"``.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from truemean.errors import InputError, SceneError, UnknownName
+from truemean.errors import SceneError, UnknownName
 from truemean.oracle.clipping import Box, Point, Window, edges_of, self_contact
-from truemean.oracle.exact import exact_number
 from truemean.oracle.pixel import Pixel, Value
+from truemean.oracle.reading import check_keys, placed, read_json, read_list, read_number, read_value, read_whole
 
 __all__ = ["Polygon", "Scene", "load_scene", "shipped_scenes"]
 
 SCHEMA = "truemean-scene/1"
+OF_PIXELS = " of pixels, such as 32"
 QUARTERS = ("top left", "top right", "bottom left", "bottom right")
 
 
@@ -62,15 +62,15 @@ class Scene:
     @classmethod
     def from_dict(cls, data: Any, name: str = "scene") -> Scene:
         """The scene that plain data describe, in the form of a scene file; SceneError names the place of a fault."""
-        _check_keys(data, "scene", ("schema", "width", "height", "background", "polygons"), ("comment",))
+        check_keys(data, "scene", ("schema", "width", "height", "background", "polygons"), ("comment",))
         if data["schema"] != SCHEMA:
             raise SceneError(f"schema={data['schema']!r:.80} can't be read: write {SCHEMA!r}")
-        background = _read_value(data["background"], "background")
-        polygons = _read_list(data["polygons"], "polygons", "a list of polygons")
+        background = read_value(data["background"], "background")
+        polygons = read_list(data["polygons"], "polygons", "a list of polygons")
         return cls(
             name,
-            _read_size(data["width"], "width"),
-            _read_size(data["height"], "height"),
+            read_whole(data["width"], "width", OF_PIXELS),
+            read_whole(data["height"], "height", OF_PIXELS),
             background,
             tuple(_read_polygon(p, f"polygons[{i}]", background) for i, p in enumerate(polygons)),
             str(data.get("comment", "")),
@@ -171,7 +171,7 @@ def shipped_scenes() -> dict[str, Path]:
     """The scenes that come with truemean, name -> file.
 
     >>> list(shipped_scenes())
-    ['fig5', 'tile']
+    ['checker', 'fig5', 'isolated-pixel', 'slanted-edge', 'tile', 'wedge']
     """
     files = sorted(Path(__file__).parent.glob("scene_*.json"))
     return {file.stem.removeprefix("scene_"): file for file in files}
@@ -188,69 +188,18 @@ def load_scene(source: str | Path) -> Scene:
     """
     shipped = shipped_scenes()
     path = shipped[source] if isinstance(source, str) and source in shipped else Path(source)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise SceneError(f"no file is called {str(source)!r}; {UnknownName('scene', str(source), shipped)}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"{path}: can't be read ({error}): give a scene file in UTF-8") from None
-    try:
-        data = json.loads(text, parse_float=str, parse_constant=str)
-    except (ValueError, RecursionError) as error:
-        raise SceneError(f"{path}: is not JSON ({error}): start from {shipped['tile']}") from None
-    try:
+    data = read_json(path, shipped["tile"], missing=str(UnknownName("scene", str(source), shipped)))
+    with placed(path):
         return Scene.from_dict(data, str(source) if source in shipped else path.stem)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
 
 
 def _square(x: int, y: int) -> Box:
     return Box(*map(Fraction, (x, y, x + 1, y + 1)))
 
 
-def _check_keys(data: Any, where: str, required: Iterable[str], optional: Iterable[str] = ()) -> None:
-    if not isinstance(data, Mapping):
-        raise SceneError(f"{where}={data!r:.80} is not an object: write {{...}} with {', '.join(required)}")
-    known = (*required, *optional)
-    for key in data:
-        if key not in known:
-            raise SceneError(f"{where}: {UnknownName('key', str(key), known)}")
-    for key in required:
-        if key not in data:
-            raise SceneError(f"{where}={data!r:.80} has no {key!r}: it needs {', '.join(required)}")
-
-
-def _read_list(raw: Any, where: str, wanted: str, length: int | None = None) -> Sequence[Any]:
-    if not isinstance(raw, list | tuple) or length not in (None, len(raw)):
-        raise SceneError(f"{where}={raw!r:.80} is not {wanted}")
-    return raw
-
-
-def _read_size(raw: Any, where: str) -> int:
-    if not isinstance(raw, int) or isinstance(raw, bool) or raw < 1:
-        raise SceneError(f"{where}={raw!r:.80} must be a positive whole number of pixels, such as 32")
-    return raw
-
-
-def _read_number(raw: Any, where: str) -> Fraction:
-    if isinstance(raw, int | str | Fraction) and not isinstance(raw, bool):
-        try:
-            return exact_number(raw)
-        except InputError:
-            pass
-    raise SceneError(f"{where}={raw!r:.80} is not an exact number: write an integer, 'p/q' or '0.875'")
-
-
-def _read_value(raw: Any, where: str) -> Value:
-    if isinstance(raw, list | tuple):
-        colour = _read_list(raw, where, "a colour: write three numbers [red, green, blue]", 3)
-        return tuple(_read_number(channel, f"{where}[{i}]") for i, channel in enumerate(colour))
-    return _read_number(raw, where)
-
-
 def _read_polygon(raw: Any, where: str, background: Value) -> Polygon:
-    _check_keys(raw, where, ("value", "vertices"))
-    value = _read_value(raw["value"], f"{where}.value")
+    check_keys(raw, where, ("value", "vertices"))
+    value = read_value(raw["value"], f"{where}.value")
     if isinstance(value, tuple) != isinstance(background, tuple):
         raise SceneError(
             f"{where}.value={raw['value']!r:.80} beside background={_plain(background)}: "
@@ -260,7 +209,7 @@ def _read_polygon(raw: Any, where: str, background: Value) -> Polygon:
 
 
 def _read_vertices(raw: Any, where: str) -> tuple[Point, ...]:
-    listed = _read_list(raw, where, "a list of vertices [x, y]")
+    listed = read_list(raw, where, "a list of vertices [x, y]")
     vertices = tuple(_read_vertex(vertex, f"{where}[{i}]") for i, vertex in enumerate(listed))
     if len(vertices) < 3:
         raise SceneError(f"{where}={raw!r:.80} are {len(vertices)}: a polygon needs at least 3")
@@ -275,8 +224,8 @@ def _read_vertices(raw: Any, where: str) -> tuple[Point, ...]:
 
 
 def _read_vertex(raw: Any, where: str) -> Point:
-    x, y = _read_list(raw, where, "two numbers: write [x, y]", 2)
-    return _read_number(x, f"{where}[0]"), _read_number(y, f"{where}[1]")
+    x, y = read_list(raw, where, "two numbers: write [x, y]", 2)
+    return read_number(x, f"{where}[0]"), read_number(y, f"{where}[1]")
 
 
 def _plain(number: Value) -> Any:

@@ -1,7 +1,9 @@
 """What the command line reads: every form of PLAN, PIXEL, --set and --range, and the error of each that can't be meant."""
 
+import json
 import sys
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
 
@@ -153,6 +155,7 @@ def test_what_truemean_itself_raises_is_not_blamed_on_a_plan(folder):
         ("(1/2, -1):1", Pixel({("1/2", -1): 1})),
         ("standard:thin", standard_pixels()["thin"]),
         ("hard:offset", standard_pixels("hard")["offset"]),
+        ("scenes:wedge#7,0", load_scene("wedge").pixel(7, 0)),
     ],
 )
 def test_a_pixel(text, pixel):
@@ -185,6 +188,8 @@ def test_a_pixel_of_a_scene(folder):
         ("standard", "'standard:thin'"),
         ("standard:thn", "did you mean thin"),
         ("standrd:thin", "did you mean standard"),
+        ("scenes:wedge#8,0", "did you mean wedge#"),
+        ("none.json:thin", "no file is called 'none.json'; give a pixel file such as"),
         ("tile#4", "'4' is not x,y"),
         ("tile#8,0", "outside scene 'tile'"),
         ("tilo#1,1", "did you mean tile"),
@@ -199,6 +204,41 @@ def test_a_pixel_that_cannot_be_read(text, message):
 def test_pixels_are_sets_and_single_ones():
     assert read_pixels([]) is None
     assert list(read_pixels(["hard", "0:1/2,1:1/2"])) == [*standard_pixels("hard"), "0:1/2,1:1/2"]
+    assert list(read_pixels(["scenes", "tile#4,0"])) == [*standard_pixels("scenes"), "tile#4,0"]
+
+
+def pixel_file(name, **laws):
+    text = json.dumps({"schema": "truemean-pixels/1", "name": name, "version": 1, "pixels": laws})
+    Path(f"{name}.json").write_text(text, encoding="utf-8")
+
+
+def test_pixels_of_a_file_of_ones_own(folder):
+    pixel_file("mine", dim={"law": [[0, "3/4"], ["0.1", "1/4"]]}, thin={"law": [[0, "63/64"], [1, "1/64"]]})
+    assert list(read_pixels(["./mine.json", "hard:offset"])) == ["dim", "thin", "hard:offset"]
+    assert read_pixel("mine.json:dim").law == read_pixels([str(folder / "mine.json")])["dim"].law
+    assert read_pixel(f"{folder / 'mine.json'}:thin").law == Pixel.two("1/64").law
+    assert len(read_pixels(["standard", "mine.json", "standard"])) == 12
+    with pytest.raises(InputError, match=r"pixel of 'mine.json' is called 'dym'; did you mean dim"):
+        read_pixel("mine.json:dym")
+    Path("mine.json").write_text("{", encoding="utf-8")
+    with pytest.raises(InputError, match=r"mine.json: is not JSON"):
+        read_pixels(["mine.json"])
+
+
+def test_two_pixels_of_one_name_are_not_mixed_up(folder):
+    pixel_file("other", thin={"law": [[0, "1/2"], [1, "1/2"]]})
+    with pytest.raises(
+        InputError, match=r"--pixels 'other.json': Pixel.*1/2.* is called 'thin' like .*63/64.*: rename"
+    ):
+        read_pixels(["standard", "other.json"])
+
+
+def test_a_scene_is_not_taken_for_a_pixel_file(folder):
+    scene = {"schema": "truemean-scene/1", "width": 1, "height": 1, "background": 0, "polygons": []}
+    Path("own.json").write_text(json.dumps(scene), encoding="utf-8")
+    assert read_pixel("own.json#0,0").law == {0: 1}
+    with pytest.raises(InputError, match=r"own.json: schema='truemean-scene/1' is a scene: .* FILE#x,y"):
+        read_pixels(["own.json"])
 
 
 @pytest.mark.parametrize(("text", "message"), [("1", "is not lo,hi"), ("0,x", "--range='x'"), ("", "is not lo,hi")])

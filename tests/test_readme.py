@@ -1,4 +1,4 @@
-"""README.md is run from top to bottom in one directory: its files, its Python, its commands and their output.
+"""README.md and pages of docs are run from top to bottom: their files, their Python, their commands and their output.
 
 A block whose first line is a comment with a file name is that file. A python block is executed (with ``>>>`` as a
 doctest), all in one namespace. A block of commands starts with ``truemean ``; a command ends with 0, or as its
@@ -131,8 +131,9 @@ def directory(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_readme_does_as_it_shows(directory):
-    run_readme((ROOT / "README.md").read_text(encoding="utf-8"), directory)
+@pytest.mark.parametrize("page", ["README.md", "docs/verdicts.md"])
+def test_the_page_does_as_it_shows(page, directory):
+    run_readme((ROOT / page).read_text(encoding="utf-8"), directory)
 
 
 SOUND = """

@@ -147,7 +147,9 @@ def judged_markdown(report: Report) -> str:
 
 def _judged(report: Report) -> Document:
     how = {"verdict": report.reason, "plan check": report.plan_check or "no plan is declared", "seed": report.seed}
-    asked = {name: value for name, value in report.arguments.items() if value is not None and name != "pixels"}
+    asked = {
+        name: value for name, value in report.arguments.items() if value not in (None, False, ()) and name != "pixels"
+    }
     settings = how | asked | {"declares": verdicts.declared_plan(report)}
     parts = verdicts.judged_parts(report.subject, report, "subject")
     return Document(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -14,8 +15,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from truemean.conformance.judge import judge
+from truemean.conformance.planning import planned
 from truemean.conformance.report.charts import INK, MUTED, SERIES, panels, styled, zero_line
 from truemean.conformance.report.document import Cell, Chart, Chip, Section, Table
+from truemean.conformance.report.expected import expected_parts
 from truemean.conformance.report.wording import counted, decimal, exact, listed, signed
 from truemean.conformance.verdict import Case, Report, Verdict
 from truemean.errors import NeedsScene, PlanError
@@ -48,7 +51,7 @@ def judge_all(
         budget = FRAMES if callable(getattr(subject, "run_many", None)) else REPLICATES
         look = partial(_look, progress, f"judging {name}", number, budget)
         report = judge(subject, tolerance=tolerance, alpha=ALPHA, beta=BETA, budget=budget, seed=seed, progress=look)
-        found[name] = replace(report, subject=written)
+        found[name] = planned(replace(report, subject=written), subject)
         if report.interrupted:
             break
     return found
@@ -170,6 +173,10 @@ def judged_parts(name: str, report: Report, ident: str) -> list[str | Table | Ch
     if report.cases:
         parts.append(Chart(f"{ident}-chart", f"{name}: measured bias", _sight(report), bias_over_mean(report)))
         parts.append(_cases(name, report, ident))
+    if report.regions:
+        parts.append(_regions(name, report, ident))
+    if report.plan is not None and report.plan.cases:
+        parts += expected_parts(name, report, ident)
     if report.skipped:
         rows = tuple((Cell(pixel), Cell(why)) for pixel, why in report.skipped.items())
         parts.append(Table(f"{ident}-skipped", f"{name}: pixels that it declined.", ("pixel", "why"), rows))
@@ -193,6 +200,8 @@ def _cases(name: str, report: Report, ident: str) -> Table:
         "measured mean",
         "interval of the bias",
         "predicted bias",
+        "std (declared)",
+        "cost (declared)",
         "verdict",
         "declared plan",
         "replicates",
@@ -209,10 +218,38 @@ def _row(case: Case) -> tuple[Cell, ...]:
         Cell(decimal(case.mean), (), "number"),
         Cell(f"{signed(low)} to {signed(high)}", (), "number"),
         Cell(signed(case.declared_bias), exact(case.declared_bias), "number"),
+        _beside(case.std, case.declared_std),
+        _beside(case.cost, case.declared_cost),
         Chip(str(case.verdict), () if decided else (case.reason,), case.verdict.lower()),
         _chip(case.plan_check) if case.plan_check else Cell("–"),
         Cell(f"{case.replicates:,}", (), "number"),
     )
+
+
+def _beside(measured: Any, declared: Any) -> Cell:
+    """What was measured, and below it what is declared."""
+    shown = [f"{float(number):.3g}" if number is not None else "–" for number in (measured, declared)]
+    return Cell(shown[0], () if declared is None else (f"({shown[1]})",), "number")
+
+
+def _regions(name: str, report: Report, ident: str) -> Table:
+    head = ("region", "cases", "verdict", "log evidence", "sees a bias common to all of", "sees a bias in one of")
+    rows = tuple(
+        (
+            Cell(region.name),
+            Cell(str(region.cases), (), "number"),
+            Chip("BIASED", (), "biased") if region.biased else Cell("–"),
+            Cell(f"{region.log_evidence:.1f}", (), "number"),
+            Cell(decimal(region.visible), (), "number"),
+            Cell(decimal(region.visible_alone), (), "number"),
+        )
+        for region in report.regions
+    )
+    caption = (
+        f"{name}: the same evidence by region, and the size of a bias that it would find there about half the time. "
+        "The error rate of these verdicts is alpha too, apart from that of single cases."
+    )
+    return Table(f"{ident}-regions", caption, head, rows)
 
 
 def _chip(word: Any) -> Chip:
@@ -263,8 +300,10 @@ class Spot:
 
 def _spot(case: Case, cases: Sequence[Case]) -> Spot:
     ranges = [each.range for each in cases if each.pixel == case.pixel]
-    low = min(low for low, _ in ranges)
-    scale = float(max(high for _, high in ranges) - low) or 1.0
+    low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
+    if not math.isfinite(high - low):  # no range: as it is
+        low, high = 0, 1
+    scale = float(high - low) or 1.0
     bias = (case.mean or 0.0) - float(case.true_mean)
     lower, upper = case.bias_interval
     return Spot(

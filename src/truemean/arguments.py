@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from truemean.adapters.registry import parse
-from truemean.conformance.pixels import SETS, pixel_by_name, standard_pixels
+from truemean.conformance.pixels import SETS, load_pixels, pixel_by_name, standard_pixels
 from truemean.errors import InputError
 from truemean.oracle.exact import exact_number, exact_weight
 from truemean.oracle.pixel import Pixel, Value
@@ -16,9 +16,19 @@ from truemean.oracle.plan import Plan
 from truemean.oracle.plans import find_plan
 from truemean.oracle.scene import load_scene, shipped_scenes
 
-__all__ = ["check_destination", "read_pixel", "read_pixels", "read_plan", "read_range", "read_values"]
+__all__ = [
+    "check_destination",
+    "read_pixel",
+    "read_pixels",
+    "read_plan",
+    "read_range",
+    "read_tolerances",
+    "read_values",
+]
 
-PIXEL_FORMS = "'0:7/8,1:1/8', '(1,0,0):1/2,(0,1,0):1/2', 'standard:thin', 'scene.json#12,7' or 'symbolic:2'"
+PIXEL_FORMS = (
+    "'0:7/8,1:1/8', '(1,0,0):1/2,(0,1,0):1/2', 'standard:thin', 'pixels.json:name', 'scene.json#12,7' or 'symbolic:2'"
+)
 
 
 def read_plan(text: str, settings: Sequence[str] = ()) -> tuple[Plan, dict[str, Any]]:
@@ -58,7 +68,7 @@ def _number_or_symbol(plan: Plan, name: str, value: str) -> Any:
 
 
 def read_pixel(text: str) -> Pixel:
-    """The pixel X that PIXEL stands for: values with weights, one of a standard set, of a scene, or a symbolic one.
+    """The pixel X that PIXEL stands for: values with weights, one of a set or of a pixel file, of a scene, or a symbolic one.
 
     >>> read_pixel("0:7/8, 1:0.125"), read_pixel("(1,0,0):1/2,(0,1,0):1/2").channels
     (Pixel({0: 7/8, 1: 1/8}), 3)
@@ -67,6 +77,9 @@ def read_pixel(text: str) -> Pixel:
     """
     written = text.strip()
     try:
+        where, colon, _ = written.partition(":")
+        if ".json:" in written or (colon and where in SETS):
+            return pixel_by_name(written)
         if "#" in written:
             return _scene_pixel(written)
         if written.startswith("symbolic:"):
@@ -79,25 +92,68 @@ def read_pixel(text: str) -> Pixel:
 
 
 def read_pixels(texts: Sequence[str]) -> dict[str, Pixel] | None:
-    """Pixels by name, each text being a set (``standard``, ``hard``) or a PIXEL; None for no text at all."""
+    """Pixels by name, each text being a set (``standard``, ``hard``, ``scenes``), a pixel file, ``SCENE#*`` or a PIXEL.
+
+    None for no text at all; InputError where one name would stand for two different pixels.
+
+    >>> list(read_pixels(["scenes", "0:1/2,1:1/2"]))[-2:]
+    ['wedge#7,0', '0:1/2,1:1/2']
+    >>> len(read_pixels(["tile#*"]))
+    64
+    """
     pixels: dict[str, Pixel] = {}
     for text in texts:
-        pixels |= standard_pixels(text) if text in SETS else {text: read_pixel(text)}
+        for name, pixel in _read_several(text).items():
+            if name in pixels and pixels[name].law != pixel.law:
+                raise InputError(
+                    f"--pixels {text!r}: {pixel!r} is called {name!r} like {pixels[name]!r}: rename one, or judge it apart"
+                )
+            pixels[name] = pixel
     return pixels or None
 
 
-def read_range(text: str | None) -> tuple[Fraction, Fraction] | None:
-    """``lo,hi`` as two numbers.
+def _read_several(text: str) -> dict[str, Pixel]:
+    if text in SETS:
+        return standard_pixels(text)
+    if text.endswith("#*"):
+        scene, name = load_scene(text[:-2]), text[:-2]
+        places = [(x, y) for y in range(scene.height) for x in range(scene.width)]
+        return {f"{name}#{x},{y}": scene.pixel(x, y) for x, y in places}
+    return load_pixels(text) if text.endswith(".json") else {text: read_pixel(text)}
 
-    >>> read_range("-1,3/2")
-    (Fraction(-1, 1), Fraction(3, 2))
+
+def read_range(text: str | None) -> tuple[Any, Any] | None:
+    """``lo,hi`` as two numbers, either of which may be infinite.
+
+    >>> read_range("-1,3/2"), read_range("-inf,inf")
+    ((Fraction(-1, 1), Fraction(3, 2)), (-inf, inf))
     """
     if text is None:
         return None
     low, comma, high = text.partition(",")
     if not comma:
         raise InputError(f"--range {text!r} is not lo,hi: write --range 0,1")
-    return exact_number(low, "--range"), exact_number(high, "--range")
+    return _read_end(low), _read_end(high)
+
+
+def read_tolerances(texts: Sequence[str]) -> str | dict[str, str]:
+    """One tolerance for all pixels, or one by pixel, from ``SIZE`` and ``PIXEL=SIZE``.
+
+    >>> read_tolerances(["1%"]), read_tolerances(["1%", "thin=5%"])
+    ('1%', {'*': '1%', 'thin': '5%'})
+    """
+    by_pixel: dict[str, str] = {}
+    for text in texts:
+        name, equals, size = text.rpartition("=")
+        name = name if equals else "*"
+        if not (name and size):
+            raise InputError(
+                f"--tolerance {text!r} is not SIZE or PIXEL=SIZE: write --tolerance 1% --tolerance thin=5%"
+            )
+        if name in by_pixel:
+            raise InputError(f"--tolerance {text!r}: {'all pixels have' if name == '*' else name + ' has'} one already")
+        by_pixel[name] = size
+    return by_pixel["*"] if list(by_pixel) == ["*"] else by_pixel
 
 
 def read_values(text: str | None) -> list[Value] | None:
@@ -118,6 +174,11 @@ def check_destination(option: str, file: str | Path | None) -> None:
         raise InputError(f"{option} {str(file)!r} is a directory: give the name of a file")
     if not path.parent.is_dir():
         raise InputError(f"{option} {str(file)!r} is in no directory that exists: make {str(path.parent)!r} first")
+
+
+def _read_end(text: str) -> Any:
+    infinite = text.strip().lstrip("+-").lower() in ("inf", "infinity")
+    return float(text) if infinite else exact_number(text, "--range")
 
 
 def _symbolic_pixel(text: str) -> Pixel:

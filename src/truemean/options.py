@@ -28,7 +28,7 @@ FigureName = Annotated[
         help="3, 4: the paper's bias over n; 5: images in its manner; speed-accuracy: of the engine itself.",
     ),
 ]
-ListName = Annotated[str, typer.Argument(metavar="plans|pixels|adapters", help="What to list.")]
+ListName = Annotated[str, typer.Argument(metavar="plans|pixels|adapters|methods", help="What to list.")]
 Renderers = Annotated[
     str, typer.Option(metavar="all|none|NAME,...", help="Which renderers to judge; all: those installed.")
 ]
@@ -40,14 +40,14 @@ PixelText = Annotated[
     typer.Option(
         metavar="PIXEL",
         help="Values with their weights, 0:7/8,1:1/8 or (1,0,0):1/2,(0,1,0):1/2; one of 'truemean list pixels', "
-        "standard:thin; column and row of a scene, scene.json#12,7; or symbols, symbolic:2, symbolic:values=0,1.",
+        "standard:thin; FILE.json:NAME; column and row of a scene, scene.json#12,7; or symbols, symbolic:2, symbolic:values=0,1.",
     ),
 ]
 PixelTexts = Annotated[
     list[str] | None,
     typer.Option(
-        metavar="standard|hard|PIXEL",
-        help="On which pixels: a set, or one written as for derive. Repeatable. "
+        metavar="standard|hard|scenes|FILE.json|SCENE#*|PIXEL",
+        help="On which pixels: a set, a file of your own, all of a scene, or one written as for derive. Repeatable. "
         "[default: those that the subject brings, else standard]",
     ),
 ]
@@ -88,13 +88,40 @@ Curve = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Draw the curve over the weight of 1; the suffix is the format.")
 ]
 Rows = Annotated[int | None, typer.Option(min=1, metavar="N", help="The most rows that may be told apart.")]
-Tolerance = Annotated[
-    str,
+Tolerances = Annotated[
+    list[str],
     typer.Option(
-        metavar="SIZE",
+        "--tolerance",
+        metavar="SIZE|PIXEL=SIZE",
         help="The bias that you can live with: in percent of the pixel's range, 1%, or absolute, 0.005. "
-        "0 hunts for any bias at all.",
+        "0 hunts for any bias at all. Repeatable, with other sizes for some pixels.",
     ),
+]
+Suspects = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--suspect",
+        metavar="PLAN?n=4",
+        help="A plan that the subject may secretly follow: found sooner if so, and no verdict is less sure. Repeatable.",
+    ),
+]
+Variance = Annotated[
+    str | None,
+    typer.Option(metavar="V", help="A bound on the variance of the estimates, for those of no finite --range."),
+]
+Method = Annotated[
+    str, typer.Option(metavar="NAME", help="The kind of evidence, of 'truemean list methods'; focus needs least.")
+]
+Tiles = Annotated[
+    int | None,
+    typer.Option(min=1, metavar="N", help="Show the evidence by tile of N x N pixels, of pixels named scene#x,y."),
+]
+Independent = Annotated[
+    bool,
+    typer.Option("--independent", help="The pixels are independent, so that small biases of many add up faster."),
+]
+Deterministic = Annotated[
+    bool, typer.Option("--deterministic", help="The subject has no random numbers: it may ignore its seeds.")
 ]
 Alpha = Annotated[float, typer.Option(metavar="P", help="The risk of a wrong BIASED or DEVIATES anywhere in the run.")]
 Beta = Annotated[float, typer.Option(metavar="P", help="The risk of a wrong CONFORMS, for each pixel and channel.")]
@@ -105,7 +132,8 @@ Range = Annotated[
     typer.Option(
         "--range",
         metavar="LO,HI",
-        help="Bounds of every estimate, for subjects that leave the pixel's own values. [default: those values]",
+        help="Bounds of every estimate, for subjects that leave the pixel's own values; -inf,inf for none, with "
+        "--variance. [default: those values]",
     ),
 ]
 Timeout = Annotated[

@@ -1,4 +1,4 @@
-"""What the command line shows: a derivation, a judgement, and what there is to choose from."""
+"""What the command line shows: a derivation, a proof, and what there is to choose from."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from rich.table import Table
 from rich.text import Text
 
 from truemean.adapters import Available
+from truemean.conformance.evidence import METHODS
 from truemean.conformance.pixels import SETS
 from truemean.conformance.plain import plain
-from truemean.conformance.verdict import Case, PlanCheck, Report, Verdict
 from truemean.oracle import Approx, Enclosure, Proof, WorstCase
 from truemean.oracle.derivation import Derivation, DerivedPath
 from truemean.oracle.pixel import Pixel, Value
@@ -29,28 +29,22 @@ __all__ = [
     "derivation_json",
     "print_adapters",
     "print_derivation",
-    "print_judgement",
     "print_latex",
+    "print_methods",
     "print_pixels",
     "print_plans",
     "print_proof",
     "print_worst_case",
     "proof_json",
+    "show",
+    "table_of",
     "worst_case_json",
 ]
 
 RESULTS = ("expectation", "bias", "relative_bias", "variance", "std", "mse", "cost", "oracle_calls")
 MOST_PATHS = 20
-ROOMY = 105  # columns that the whole table of a judgement takes
+MOST_VALUES = 16
 SHORT = 20  # characters of a ratio beside its decimal
-STYLES = {
-    Verdict.CONFORMS: "green",
-    Verdict.BIASED: "red",
-    Verdict.INCONCLUSIVE: "yellow",
-    Verdict.BROKEN: "magenta",
-    PlanCheck.FOLLOWS: "green",
-    PlanCheck.DEVIATES: "red",
-}
 
 
 def call(plan: Plan, params: Mapping[str, Any] | None = None) -> str:
@@ -101,34 +95,34 @@ def derivation_json(derivation: Derivation, params: Mapping[str, Any]) -> dict[s
 def print_derivation(derivation: Derivation, params: Mapping[str, Any]) -> None:
     """The results, the paths that the bias is a sum of, and what was modelled for it."""
     if derivation.symbolic:
-        _show(str(derivation))
+        show(str(derivation))
         return
     plan, X = derivation.plan, derivation.pixel
-    _show(f"{call(plan, params)} on {_law(X)}; true mean {_inline(X.mean)}")
-    _show("; ".join(filter(None, (plan.source, _unbiased(plan)))))
+    show(f"{call(plan, params)} on {_law(X)}; true mean {_inline(X.mean)}")
+    show("; ".join(filter(None, (plan.source, _unbiased(plan)))))
     beside = {Fraction: "exactly", Enclosure: "at most"}.get(type(derivation.cost), "error at most")
-    table = _table("result", "decimal" if beside != "at most" else "at least", beside)
+    table = table_of("result", "decimal" if beside != "at most" else "at least", beside)
     for name, value in results(derivation).items():
         for suffix, part in _channels(value):
             number = part.texts[0] if isinstance(part, Enclosure) else decimal(part)
             table.add_row(name.replace("_", " ") + suffix, number, _beside(part))
-    _show(table)
+    show(table)
     paths = sorted(derivation.paths, key=_size, reverse=True)
-    table = _table("path: what the plan decided", "probability", "contribution to the bias")
+    table = table_of("path: what the plan decided", "probability", "contribution to the bias")
     for path in paths[:MOST_PATHS]:
         bias = "\n".join(_both(part) for _, part in _channels(path.bias))
         table.add_row(" and ".join(path.decisions) or "(nothing decided)", _both(path.probability), bias)
-    _show(table)
+    show(table)
     if len(paths) > MOST_PATHS:
-        _show(f"and {len(paths) - MOST_PATHS} more paths that contribute less: --json has them all")
+        show(f"and {len(paths) - MOST_PATHS} more paths that contribute less: --json has them all")
     modelled = ", ".join(f"{sample} {level}" for sample, level in derivation.level.items()) or "no sample"
-    _show(f"modelled for the bias: {modelled}; rows: {derivation.rows:,}")
+    show(f"modelled for the bias: {modelled}; rows: {derivation.rows:,}")
 
 
 def print_latex(derivation: Derivation) -> None:
     """Every result as an equation, one a line."""
     for name in ("expectation", "bias", "variance", "mse", "cost", "oracle_calls"):
-        _show(derivation.latex(name))
+        show(derivation.latex(name))
 
 
 def proof_json(plan: Plan, params: Mapping[str, Any], proof: Proof) -> dict[str, Any]:
@@ -149,11 +143,11 @@ def proof_json(plan: Plan, params: Mapping[str, Any], proof: Proof) -> dict[str,
 
 def print_proof(plan: Plan, params: Mapping[str, Any], proof: Proof) -> None:
     """The answer, why, and the pixel that shows a bias."""
-    _show(f"{call(plan, params)}: {proof.status}")
-    _show(proof.reason)
+    show(f"{call(plan, params)}: {proof.status}")
+    show(proof.reason)
     if proof.counterexample is not None:
         bias = ", ".join(_both(part) for _, part in _channels(proof.bias))
-        _show(f"smallest counterexample: {_law(proof.counterexample)}; bias {bias}")
+        show(f"smallest counterexample: {_law(proof.counterexample)}; bias {bias}")
 
 
 def worst_case_json(worst: WorstCase) -> dict[str, Any]:
@@ -175,12 +169,12 @@ def worst_case_json(worst: WorstCase) -> dict[str, Any]:
 
 def print_worst_case(worst: WorstCase) -> None:
     """The enclosure, and a pixel that is as bad."""
-    _show(f"{call(worst.plan, worst.params)}: the largest |{worst.objective}| over all weights")
+    show(f"{call(worst.plan, worst.params)}: the largest |{worst.objective}| over all weights")
     lower, upper = worst.value.texts
-    _show(f"{lower} <= |{worst.objective}| <= {upper}" if lower != upper else f"|{worst.objective}| = {lower}")
+    show(f"{lower} <= |{worst.objective}| <= {upper}" if lower != upper else f"|{worst.objective}| = {lower}")
     how = "attained" if worst.attained else "a limit, which no pixel attains"
-    _show(how if worst.complete else f"{how}; not all digits could be certified with the work allowed")
-    _show(f"at {_law(worst.pixel)}, where the bias is {decimal(worst.bias)}")
+    show(how if worst.complete else f"{how}; not all digits could be certified with the work allowed")
+    show(f"at {_law(worst.pixel)}, where the bias is {decimal(worst.bias)}")
 
 
 def _root(variance: Any) -> Any:
@@ -239,93 +233,57 @@ def _unbiased(plan: Plan) -> str:
     return f"{word}: {plan.why}" if plan.why else word
 
 
-# -- a judgement ----------------------------------------------------------------------------------
-
-
-def print_judgement(report: Report) -> None:
-    """A row for each case, then what is not decided, what was skipped, and the verdict in a sentence."""
-    told = {"plan": "plan_check", "cost": "cost"}
-    hidden = {name for name, field in told.items() if all(getattr(case, field) is None for case in report.cases)}
-    if console().width < ROOMY:
-        hidden |= {"true mean I", "std", "cost"}
-    rows = [{name: text for name, text in _row(case).items() if name not in hidden} for case in report.cases]
-    table = _table(*(rows[0] if rows else ()))
-    for row in rows:
-        table.add_row(*row.values())
-    if rows:
-        _show(table)
-    for case in report.cases:
-        if case.verdict in (Verdict.INCONCLUSIVE, Verdict.BROKEN) or case.plan_check is PlanCheck.DEVIATES:
-            _show(f"{case.name}: {case.reason}")
-    for pixel, why in report.skipped.items():
-        _show(f"{pixel} skipped: {why}")
-    for note in report.notes:
-        _show(f"note: {note}")
-    at = f" at a tolerance of {report.arguments['tolerance']}: {report.subject}; {report.reason}"
-    _show(_verdict(report.verdict).append(at, style="default"))
-    if report.plan_check is PlanCheck.DEVIATES:
-        _show(_verdict(report.plan_check).append(": it does not follow the plan that it declares", style="default"))
-
-
-def _row(case: Case) -> dict[str, str | Text]:
-    seen = None if case.mean is None else case.mean - float(case.true_mean)
-    low, high = (decimal(end, 4) for end in case.bias_interval)
-    return {
-        "pixel": case.name,
-        "verdict": _verdict(case.verdict),
-        "plan": _verdict(case.plan_check) if case.plan_check else "-",
-        "true mean I": decimal(case.true_mean, 4),
-        "mean - I": decimal(seen, 4),
-        "E[ξ] - I lies in": f"[{low}, {high}]",
-        "std": decimal(case.std, 3),
-        "cost": decimal(case.cost, 4),
-        "runs": str(case.replicates),
-    }
-
-
-def _verdict(word: Verdict | PlanCheck) -> Text:
-    return Text(str(word), style=STYLES[word])
-
-
 # -- what there is --------------------------------------------------------------------------------
 
 
 def print_plans(plans: Iterable[Plan]) -> None:
     """Each plan with its parameters, what it does, its source, and whether it is unbiased and why."""
     for plan in plans:
-        _show(f"{call(plan)}\n    {plan.doc}\n    {_unbiased(plan)}\n    {plan.source}\n")
+        show(f"{call(plan)}\n    {plan.doc}\n    {_unbiased(plan)}\n    {plan.source}\n")
+
+
+def print_methods() -> None:
+    """The kinds of evidence, with what each guarantees."""
+    table = table_of("method", "guarantee")
+    for name, method in METHODS.items():
+        table.add_row(name, method.guarantee)
+    show(table)
 
 
 def print_pixels() -> None:
-    """The pixels of each set with what they stress, and the shipped scenes."""
-    table = _table("pixel", "values and weights", "what it stresses")
+    """The pixels of each set with its version and what they stress, and the shipped scenes."""
+    table = table_of("pixel", "version", "values and weights", "what it stresses")
     for name, pixels in SETS.items():
         for short, standard in pixels.items():
-            table.add_row(f"{name}:{short}", _law(standard.pixel), standard.stresses)
+            table.add_row(f"{name}:{short}", str(pixels.version), _law(standard.pixel), standard.stresses)
     for name in shipped_scenes():
         scene = load_scene(name)
-        table.add_row(f"{name}#x,y", f"a scene of {scene.width} x {scene.height} pixels", scene.comment)
-    _show(table)
+        table.add_row(f"{name}#x,y", "", f"a scene of {scene.width} x {scene.height} pixels", scene.comment)
+    show(table)
 
 
 def print_adapters(adapters: Iterable[Available]) -> None:
     """Each adapter, the version of what it runs, and how to get it."""
-    table = _table("adapter", "version", "how to get it", "SUBJECT: what it runs")
+    table = table_of("adapter", "version", "how to get it", "SUBJECT: what it runs")
     for adapter in adapters:
         table.add_row(adapter.name, adapter.version or "not installed", adapter.how, adapter.help)
-    _show(table)
+    show(table)
 
 
 def _law(X: Pixel) -> str:
-    return ", ".join(f"{_inline(value)}:{shortened(weight)}".replace(" ", "") for value, weight in X.law.items())
+    parts = [f"{_inline(value)}:{shortened(weight)}".replace(" ", "") for value, weight in X.law.items()]
+    if len(parts) > MOST_VALUES:
+        parts = [*parts[:2], "...", f"{parts[-1]} ({len(parts)} values)"]
+    return ", ".join(parts)
 
 
-def _show(what: str | Text | Table) -> None:
+def show(what: str | Text | Table) -> None:
     """A table within the width of the terminal; a sentence on one line, which a terminal folds and grep finds."""
     console().print(what, soft_wrap=not isinstance(what, Table))
 
 
-def _table(*columns: str) -> Table:
+def table_of(*columns: str) -> Table:
+    """An empty table with these heads."""
     table = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
     for column in columns:
         table.add_column(column, overflow="fold")

@@ -37,7 +37,7 @@ def only(report):
     return case
 
 
-def breaking(value, after=100):
+def breaking(value, after=148):  # 48 of them are drawn to check the seeds
     drawn = {}
 
     def broken(pixel, seeds):

@@ -109,7 +109,7 @@ def test_declining_halfway_is_breaking():
         fresh.pop()
         return fixed(pixel, seeds)
 
-    fresh = [1]
+    fresh = [1] * 4  # three calls to check the seeds, and the first look
     report = judge(tired, pixels=EIGHTH, tolerance="1%")
     assert only(report).reason == "declined after 16 replicates: enough"
     assert (report.verdict, report.skipped) == (Verdict.BROKEN, {})
@@ -121,7 +121,7 @@ def test_many_pixels_are_rendered_at_once_from_the_same_seeds():
     assert [case.name for case in report.cases] == ["eighth", "colour[0]", "colour[1]", "colour[2]", "quarter"]
     assert [report.cases[i].verdict for i in (0, 4)] == ["BIASED", "BIASED"]
     assert {number for number, _ in subject.calls} == {2}
-    seeds = [seed for _, batch in subject.calls for seed in batch]
+    seeds = [seed for _, batch in subject.calls[3:] for seed in batch]  # after the seeds were checked
     assert len(set(seeds)) == len(seeds)
     assert all(abs(case.cost - 6) < 1 for case in report.cases)
     assert (report.subject, report.versions["renderer"]) == ("together", "1.2")
@@ -193,5 +193,8 @@ def test_a_crash_on_a_pixel_is_its_verdict(name):
 
 
 def test_the_evidence_before_costs_crash_is_kept():
-    case = only(judge(Failing("costs", after=3), pixels=EIGHTH, tolerance="1%"))
-    assert (case.verdict, case.replicates) == (Verdict.BROKEN, 20)  # looks at 16, 18 and 20
+    case = only(judge(Failing("costs", after=6), pixels=EIGHTH, tolerance="1%"))
+    assert (case.verdict, case.replicates) == (
+        Verdict.BROKEN,
+        20,
+    )  # three calls to check the seeds, then looks at 16, 18 and 20

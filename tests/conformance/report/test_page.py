@@ -94,7 +94,7 @@ def test_every_chart_and_table_has_a_caption(page):
     assert len(figures) == len(captions) > 10
     assert all(len(text) > 20 for _, text in captions if not text.startswith("broken"))
     charts = page.all("svg")
-    assert len(charts) == 5 + 3
+    assert len(charts) == 5 + 3 + 1  # of the plans, of each subject, and the power of the one that declares a plan
     assert all(attrs["role"] == "img" and attrs["aria-labelledby"].endswith("-caption") for attrs, _ in charts)
 
 
