@@ -65,29 +65,26 @@ def judge(
 
     for option, file in (("--json", json), ("--html", html), ("--markdown", markdown)):
         check_destination(option, file)
-    # Read what is asked, then load and judge.
+    # Read what is asked.
+    strictness: dict[str, Any] = {"alpha": alpha, "beta": beta, "budget": budget, "seed": seed, "timeout": timeout}
     plan = read_plan(declares) if declares else None
     chosen, bounds = read_pixels(pixels or ()), read_range(range_)
-    # Judge it, then say what was to be expected.
+    # Judge.
     with working("loading") as show:
         estimator = load(subject)
         found = judge_estimator(
             estimator,
             tolerance=read_tolerances(tolerance),
             pixels=chosen,
-            alpha=alpha,
-            beta=beta,
-            budget=budget,
-            seed=seed,
             declares=plan,
             range=bounds,
             variance=variance,
-            timeout=timeout,
             method=method,
             suspects=[read_plan(suspect) for suspect in suspects or ()],
             regions=tiles,
             independent=independent,
             deterministic=deterministic or None,
+            **strictness,
             progress=lambda pixel, drawn, left: show(f"{pixel}: {drawn} replicates; {left} undecided"),
         )
         # A file has room for the plan too.
