@@ -77,7 +77,7 @@ def judge(
     # What is asked.
     subject = as_estimator(estimator)
     plan = read_declaration(attribute(subject, "declares") if declares is None else declares)
-    suspected = tuple(filter(None, map(read_declaration, suspects)))
+    suspected = tuple(filter(None, map(read_declaration, [suspects] if isinstance(suspects, str) else suspects)))
     settings = Settings(
         tolerance, alpha, beta, budget, seed, plan, range, timeout, variance, method, suspected, independent
     )

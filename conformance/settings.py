@@ -176,7 +176,12 @@ class Settings:
                 f"the estimates of pixel {chosen.name!r} have no finite range, and no number of replicates bounds the "
                 "mean of those: declare a bound on their variance, variance=v, or a range (lo, hi)"
             )
-        variance = exact_number(bound[channel] if isinstance(bound, tuple | list) else bound, "variance")
+        by_channel = list(bound) if isinstance(bound, tuple | list) else [bound] * chosen.channels
+        if len(by_channel) != chosen.channels:
+            raise InputError(
+                f"variance={bound!r}: pixel {chosen.name!r} has {chosen.channels} channels, give one or as many"
+            )
+        variance = exact_number(by_channel[channel], "variance")
         if variance <= 0:
             raise InputError(f"variance={bound!r} is no bound: give a number > 0")
         return Fraction(math.nextafter(math.sqrt(variance), math.inf))

@@ -293,6 +293,8 @@ def test_the_report_is_plain_json():
         ({"regions": {"sky": ["cloud"]}}, "no pixel is called 'cloud'"),
         ({"regions": 8}, "'eighth' has no place"),
         ({"suspects": ["kirk-arvoo"]}, "did you mean kirk-arvo"),
+        ({"suspects": "kirk-arvoo"}, "did you mean kirk-arvo"),
+        ({"range": (0, "inf"), "variance": [1, 1]}, "has 1 channels, give one or as many"),
         ({"range": 3}, "range=3"),
         ({"pixels": {}}, r"pixels=\{\}"),
         ({"pixels": "eighth"}, "pixels='eighth'"),
