@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 __all__ = ["NOTHING", "Batch", "FloatArray", "Moments", "Outcomes"]
 
 FloatArray = NDArray[np.float64]
-FEW = 512  # distinct values of a batch; beyond, outcomes are shared between the points of a grid
+FEW = 256  # distinct values of a batch; beyond, outcomes are shared between the points of a grid
 ALL_FEW = 4096  # the same for all batches together
 
 
@@ -41,7 +41,7 @@ class Batch:
 
     @cached_property
     def few(self) -> Batch:
-        """The same outcomes, shared out among at most 512 values: for bounded bets only."""
+        """The same outcomes, shared out among at most 256 values: for bounded bets only."""
         return self.shortened(FEW)
 
     def shortened(self, limit: int) -> Batch:

@@ -39,8 +39,10 @@ class PixelLike(Protocol):
 class Estimator(Protocol):
     """An implementation under test.
 
-    Optional attributes: ``range(pixel) -> (lo, hi)`` bounds of every output; ``declares =
-    (plan name or function, params)``; ``costs(pixel, seeds)`` samples drawn per replicate;
+    Optional attributes: ``range(pixel) -> (lo, hi)`` bounds of every output; ``variance(pixel)`` a bound on
+    their variance, needed where that range is infinite; ``declares = (plan name or function, params)``, or
+    ``predicts(pixel)`` a mapping with any of law, mean, variance and cost; ``deterministic = True`` where
+    seeds make no difference; ``costs(pixel, seeds)`` samples drawn per replicate;
     ``rounding`` slack of its outputs in units of the pixel's scale; ``seed_bits``; ``pixels()``
     a mapping of the pixels it brings; ``run_many(pixels, seeds) -> [seeds, pixels(, channels)]``
     for one render of many pixels; ``versions`` a mapping for the report.
