@@ -98,16 +98,11 @@ def _dirichlet(log_law: FloatArray, counts: FloatArray) -> float:
     from scipy.special import gammaln
 
     seen = counts > 0
-    number = counts[seen]
-    terms = []
-    for concentration in counts.size * 4.0 ** np.arange(8):
-        prior = concentration * np.exp(log_law[seen])
-        terms.append(
-            gammaln(concentration)
-            - gammaln(concentration + counts.sum())
-            + np.sum(gammaln(prior + number) - gammaln(prior) - number * log_law[seen])
-        )
-    return _log_average(np.array(terms))
+    number, law = counts[seen], log_law[seen]
+    concentrations = counts.size * 4.0 ** np.arange(8)
+    priors = concentrations[:, None] * np.exp(law)
+    atoms = (gammaln(priors + number) - gammaln(priors) - number * law).sum(axis=1)
+    return _log_average(gammaln(concentrations) - gammaln(concentrations + counts.sum()) + atoms)
 
 
 def _log_average(logs: FloatArray) -> float:

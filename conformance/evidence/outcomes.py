@@ -116,7 +116,7 @@ class Outcomes:
 
     def update(self, batch: Batch) -> Outcomes:
         """The outcomes with one more batch."""
-        return self._with(self.tally.joined(batch), batch.moments)
+        return self._with(self.tally.joined(batch if self.limit is None else batch.few), batch.moments)
 
     def merge(self, later: Outcomes) -> Outcomes:
         """The outcomes of both."""
