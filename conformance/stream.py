@@ -18,7 +18,7 @@ from truemean.errors import SubjectError, Unsupported
 
 __all__ = ["Stream", "looks", "open_streams"]
 
-FIRST_LOOK, LOOK_GROWTH = 16, 1.1
+FIRST_LOOK, LOOK_GROWTH = 16, 1.05
 SEED_BITS = 53
 
 

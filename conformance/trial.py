@@ -26,7 +26,7 @@ from truemean.conformance.verdict import Case, PlanCheck, Verdict
 __all__ = ["Trial"]
 
 EVIDENCE = ("biased", "not_above", "not_below", "fit")
-LEAST_LOOK, LOOK_GROWTH = 4, 0.06  # evidence looks at so many outcomes, or at this share of those before, at a time
+LEAST_LOOK, LOOK_GROWTH = 4, 0.05  # evidence looks at so many outcomes, or at this share of those before, at a time
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,6 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from truemean.errors import InputError
+
 __all__ = ["NOTHING", "Batch", "FloatArray", "Moments", "Outcomes"]
 
 FloatArray = NDArray[np.float64]
@@ -28,11 +30,13 @@ class Batch:
 
     @classmethod
     def of(cls, outcomes: FloatArray) -> Batch:
-        """The tally of outcomes as they came, ``[n]``.
+        """The tally of outcomes as they came, ``[n]``; InputError for none.
 
         >>> Batch.of(np.array([0.5, 0.0, 0.5])).counts
         array([1., 2.])
         """
+        if not np.size(outcomes):
+            raise InputError("outcomes=[] is no look: give one at least")
         ascending = np.sort(np.asarray(outcomes, dtype=float))
         ends = np.append(np.flatnonzero(ascending[1:] != ascending[:-1]), ascending.size - 1)
         counts = ends + 1.0

@@ -55,7 +55,7 @@ class Bounded:
         return (y / self.mean if self.mean > 0 else np.where(y > self.mean, np.inf, 0.0)) - 1
 
     def log_factors(self, bets: FloatArray, values: FloatArray) -> FloatArray:
-        return np.log1p(bets[:, None] * self.gains(values))
+        return np.log(1 + bets[:, None] * self.gains(values))
 
 
 @dataclass(frozen=True, slots=True)
