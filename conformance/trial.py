@@ -95,8 +95,7 @@ class Trial:
         while start < y.size:
             stop = start + max(LEAST_LOOK, math.ceil((self.replicates + start) * LOOK_GROWTH))
             trial, start = trial._look(Batch.of(y[start:stop])), stop
-        outcomes = self.outcomes.update(Batch.of(y))
-        return replace(trial, outcomes=outcomes, cost=None if cost is None else (self.cost or 0.0) + cost)
+        return replace(trial, cost=None if cost is None else (self.cost or 0.0) + cost)
 
     def _look(self, batch: Batch) -> Trial:
         return _decide(
@@ -106,6 +105,7 @@ class Trial:
                 not_above=self.not_above.update(batch),
                 not_below=self.not_below.update(batch),
                 fit=self.fit and self.fit.update(batch),
+                outcomes=self.outcomes.update(batch),
                 shared=self.shared and (self.shared[0].update(batch), self.shared[1].update(batch)),
             )
         )

@@ -226,7 +226,7 @@ This page is written by a command, of which every number is fixed by the seed; `
 
 A rate is the share of repetitions that raise an alarm at any of their looks, at a nominal level of {100 * NOMINAL:.0f} %.
 A repetition draws {HORIZON:,} outcomes ({FAR:,} where something happens once in 10,000), with a look after each of
-the first {EVERY}, then whenever there are {100 * LOOK_GROWTH:.0f} % more, the batches of the judge: {len(looks(HORIZON))} looks ({len(looks(FAR))}).
+the first {EVERY}, then whenever there are {100 * LOOK_GROWTH:.0f} % more: {len(looks(HORIZON))} looks ({len(looks(FAR))}). The guarantee holds however often one looks.
 On one law all methods see the same outcomes.
 
 {run.repetitions} repetitions are made for the default, `focus`, and for `mixture`, fewer for the others: the tables say how many.
