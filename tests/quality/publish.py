@@ -220,7 +220,7 @@ def intro(run: Run) -> str:
     most = limit(run.repetitions, BEYOND) / run.repetitions
     return f"""# Error rates of the judge, measured
 
-This page is written by a command, of which every number is fixed by the seed; `--jobs` divides its {HOURS}:
+This page is written by a command, of which every number is fixed by the seed. It takes {HOURS}, which `--jobs` divides:
 
     python -m tests.quality.publish --repetitions {run.repetitions} --seed {run.seed} --out docs/error-rates.md
 

@@ -157,6 +157,6 @@ def test_no_published_rate_of_a_valid_method_is_above_its_level(page, table):
 
 def test_a_published_rate_is_what_the_command_measures(page):
     text, run = page
-    for method, law in [("agrapa", "mean of 16, w = 1/8"), ("mixture", "0, 1/8 or, rarely, 1")]:
-        for table in TABLES[:3]:
-            assert table.cell(run, law, method) == published(text, table)[law][heading(method)]
+    law = "mean of 16, w = 1/8"
+    for table, method in [(TABLES[0], "mixture"), *((table, "agrapa") for table in TABLES[:3])]:
+        assert table.cell(run, law, method) == published(text, table)[law][heading(method)]
