@@ -99,7 +99,7 @@ class Panel:
             if shared:
                 logs = np.array([[mixture.log_wealths for mixture in pair] for pair in shared])
                 wealths.append(np.logaddexp.reduce(logs, axis=0) - math.log(len(shared)))
-        return sparse_common(np.array(wealths))
+        return sparse_common(np.array(wealths)) if wealths else 0.0
 
 
 def read_regions(regions: Any, names: Sequence[str]) -> dict[str, tuple[str, ...]]:

@@ -210,11 +210,17 @@ def plan_run(
     return RunPlan(tuple(cases), skipped, arguments)
 
 
-def planned(report: Report, subject: Any, pixels: Any = None, declares: Any = None, range: Any = None) -> Report:  # noqa: A002
-    """The report with what was to be expected of its run beside; as it is where the subject declares nothing."""
+def planned(report: Report, subject: Any, pixels: Any = None, declares: Any = None, bounds: Any = None) -> Report:
+    """The report with what was to be expected of its run beside; as it is where that can't be said.
+
+    That is so where the subject declares nothing, and for what `plan_run` does not model: another method,
+    suspects, and independent pixels.
+    """
+    if report.arguments["method"] != "focus" or report.arguments["suspects"] or report.arguments["independent"]:
+        return report
     asked = {name: report.arguments[name] for name in ("tolerance", "alpha", "beta", "budget")}
     try:
-        return replace(report, plan=plan_run(subject, pixels=pixels, declares=declares, range=range, **asked))
+        return replace(report, plan=plan_run(subject, pixels=pixels, declares=declares, range=bounds, **asked))
     except InputError:
         return report
 

@@ -52,38 +52,21 @@ class LikelihoodRatio:
         return replace(self, outcomes=outcomes, log_evidence=now, peak=max(self.peak, now))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class EmpiricalBernstein:
-    """Evidence against one side by the empirical Bernstein bound: valid, and slow, as it bounds the wealth.
+    """A rule that bounds what its bet wins by the empirical Bernstein bound: valid, and slow.
 
     The bound is that of Howard et al. 2021, the bet of each look that of Waudby-Smith & Ramdas 2024.
     """
 
-    side: Bounded
     level: float
-    moments: Moments = NOTHING
-    log_evidence: float = 0.0
-    peak: float = 0.0
 
-    @property
-    def lean(self) -> int:
-        return self.side.sign
-
-    def update(self, batch: Batch) -> EmpiricalBernstein:
-        past = self.moments
+    def won(self, side: Bounded, past: Moments, few: Batch) -> float:
         centre, variance = (0.5 + past.total * past.mean) / (past.total + 1), (0.25 + past.squares) / (past.total + 1)
         bet = min(0.5, math.sqrt(-2 * math.log(self.level) / (variance * (past.total + 1) * math.log(past.total + 2))))
         psi = -math.log1p(-bet) - bet
-        few = batch.few
-        excess = self.side.oriented(few.values) - self.side.mean
-        won = float((bet * excess - psi * (few.values - centre) ** 2) @ few.counts)
-        return self._with(past.joined(batch.moments), self.log_evidence + won)
-
-    def merge(self, later: EmpiricalBernstein) -> EmpiricalBernstein:
-        return self._with(self.moments.joined(later.moments), self.log_evidence + later.log_evidence)
-
-    def _with(self, moments: Moments, now: float) -> EmpiricalBernstein:
-        return replace(self, moments=moments, log_evidence=now, peak=max(self.peak, now))
+        excess = side.oriented(few.values) - side.mean
+        return float((bet * excess - psi * (few.values - centre) ** 2) @ few.counts)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

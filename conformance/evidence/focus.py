@@ -159,13 +159,29 @@ def _won(gains: FloatArray, counts: FloatArray) -> FloatArray:
 
 
 class Rule(Protocol):
-    """How a plug-in bet follows from the moments of the past, as a fraction of the largest safe bet."""
+    """How a bet follows from the moments of the past, and what it wins on the outcomes of one look."""
 
-    def fraction(self, mean: float, oriented: Moments) -> float: ...
+    def won(self, side: Bounded, past: Moments, few: Batch) -> float: ...
+
+
+class _Fraction:
+    """A bet that is a fraction of the largest safe one, of the side's mean and the moments oriented as it is."""
+
+    __slots__ = ()
+
+    def fraction(self, mean: float, oriented: Moments) -> float:
+        raise NotImplementedError
+
+    def won(self, side: Bounded, past: Moments, few: Batch) -> float:
+        oriented = past if side.sign > 0 else Moments(past.total, 1 - past.mean, past.squares, past.inside)
+        bet = LARGEST if side.mean <= 0 else 0.0
+        if 0 < side.mean < 1:
+            bet = min(max(self.fraction(side.mean, oriented), 0.0), LARGEST)
+        return float(np.vecdot(side.log_factors(np.array([bet]), few.values)[0], few.counts)) if bet else 0.0
 
 
 @dataclass(frozen=True, slots=True)
-class KnownDistance:
+class KnownDistance(_Fraction):
     """E[y] is thought to lie ``distance`` beyond the edge: only the variance is learned.
 
     While every outcome was 0 or 1 the variance is that of a coin of mean edge + distance.
@@ -184,7 +200,7 @@ class KnownDistance:
 
 
 @dataclass(frozen=True, slots=True)
-class Learned:
+class Learned(_Fraction):
     """Mean and variance are learned: approximately the best bet so far (aGRAPA, Waudby-Smith & Ramdas 2024)."""
 
     def fraction(self, mean: float, oriented: Moments) -> float:
@@ -209,14 +225,8 @@ class PlugIn:
         return self.side.sign
 
     def update(self, batch: Batch) -> PlugIn:
-        past, mean = self.moments, self.side.mean
-        oriented = past if self.side.sign > 0 else Moments(past.total, 1 - past.mean, past.squares, past.inside)
-        bet = LARGEST if mean <= 0 else 0.0
-        if 0 < mean < 1:
-            bet = min(max(self.rule.fraction(mean, oriented), 0.0), LARGEST)
-        few = batch.few
-        won = float(np.vecdot(self.side.log_factors(np.array([bet]), few.values)[0], few.counts)) if bet else 0.0
-        return self._with(past.joined(batch.moments), self.log_evidence + won)
+        won = self.rule.won(self.side, self.moments, batch.few)
+        return self._with(self.moments.joined(batch.moments), self.log_evidence + won)
 
     def merge(self, later: PlugIn) -> PlugIn:
         return self._with(self.moments.joined(later.moments), self.log_evidence + later.log_evidence)

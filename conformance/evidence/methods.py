@@ -106,7 +106,7 @@ METHODS: Mapping[str, Method] = MappingProxyType(
             "valid at every look for any law in the range; for comparison: blind to a small variance, slower by 10 times",
         ),
         "empirical-bernstein": Method(
-            _by_side(lambda side, question: EmpiricalBernstein(side, question.level)),
+            _by_side(lambda side, question: PlugIn(side, EmpiricalBernstein(question.level))),
             "valid at every look for any law in the range; for comparison: slower by about 2 to 5 times",
         ),
         "welch": Method(

@@ -87,9 +87,9 @@ def judge(
             **strictness,
             progress=lambda pixel, drawn, left: show(f"{pixel}: {drawn} replicates; {left} undecided"),
         )
-        # A file has room for the plan too.
+        # A page has room for the plan too.
         report = replace(found, subject=subject)
-        if json or html or markdown:
+        if html or markdown:
             report = planned(report, estimator, chosen, plan, bounds)
     _write_judgement(report, json, html, markdown)
     return judged_code(report.verdict, deviates=report.plan_check == "DEVIATES", interrupted=report.interrupted)

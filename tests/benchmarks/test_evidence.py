@@ -180,7 +180,7 @@ def comparison(ratios: Sequence[Ratio]) -> Iterator[str]:
 
 def show(capsys: pytest.CaptureFixture[str], title: str, lines: Iterable[str]) -> None:
     with capsys.disabled():
-        print(f"\n\n{title}, {REPETITIONS} repetitions, looks x{1 + SHARE:g}", *lines, sep="\n")  # noqa: T201
+        print(f"\n\n{title}, {REPETITIONS} repetitions, looks x{1 + SHARE:g}", *lines, sep="\n")  # noqa: T201 - the table is what it is run for
 
 
 def timed(benchmark, measure: Callable[[], list[Ratio]]) -> list[Ratio]:
@@ -251,4 +251,4 @@ def test_what_judging_adds_to_a_million_replicates(benchmark, capsys, kind, aske
     least = min(added)
     benchmark.extra_info["seconds added"] = least
     with capsys.disabled():
-        print(f"\n{kind}, {asked}: {least:.3f} s added, {least / 10:.1%} of 10 us a replicate")  # noqa: T201
+        print(f"\n{kind}, {asked}: {least:.3f} s added, {least / 10:.1%} of 10 us a replicate")  # noqa: T201 - the same

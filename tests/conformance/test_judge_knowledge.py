@@ -9,7 +9,8 @@ from tests.conformance.estimators import COLOUR, EIGHTH, Together, draws, fixed,
 
 from truemean.conformance import PlanCheck, Verdict, judge
 from truemean.conformance.evidence import METHODS
-from truemean.errors import InputError, InputTypeError, SubjectError
+from truemean.conformance.planning import planned
+from truemean.errors import InputError, InputTypeError, SubjectError, Unsupported
 from truemean.oracle.pixel import Pixel
 
 HALF = {"half": Pixel.two("1/2")}
@@ -216,3 +217,42 @@ def test_every_method_finds_a_large_bias_and_passes_the_unbiased(method):
     assert (biased.verdict, honest.verdict) == ("BIASED", "CONFORMS")
     assert method == "focus" or any(METHODS[method].guarantee in note for note in honest.notes)
     assert ("NOT valid" in str(honest.notes)) == (method == "welch")
+
+
+# -- levels ---------------------------------------------------------------------------------------
+
+
+def test_the_last_of_many_biased_cases_is_asked_as_if_it_were_alone():
+    def subject(pixel, seeds):
+        return brighter(pixel, seeds) if pixel.mean == Fraction(1, 2) else kirk_arvo(pixel, seeds)
+
+    pixels = {str(i): Pixel.two("1/8") for i in range(10)} | HALF
+    last = judge(subject, pixels=pixels, tolerance=0).cases[-1]
+    assert (last.verdict, "where e^4.6 is asked" in last.reason) == (Verdict.BIASED, True)  # log(1 / 0.01)
+
+
+def test_independence_and_a_declaration_take_half_of_alpha_each():
+    alone, half, quarter = (
+        only(judge(kirk_arvo, pixels=EIGHTH, tolerance=0, **given)).reason
+        for given in ({}, {"independent": True}, {"independent": True, "declares": ("fixed", {"n": 8})})
+    )
+    assert "e^4.6 is asked" in alone  # log(100)
+    assert "e^5.3 is asked" in half  # log(200)
+    assert "e^6.0 is asked" in quarter  # log(400)
+
+
+def test_independent_pixels_may_all_be_declined():
+    def declines(pixel, seeds):
+        raise Unsupported("no light")
+
+    report = judge(declines, pixels=EIGHTH | HALF, tolerance="1%", independent=True)
+    assert (report.verdict, len(report.skipped)) == (Verdict.INCONCLUSIVE, 2)
+
+
+@pytest.mark.parametrize("given", [{"method": "mixture"}, {"suspects": ["kirk-arvo"]}, {"independent": True}])
+def test_a_plan_stands_beside_only_what_it_models(given):
+    asked = {"pixels": EIGHTH, "declares": ("fixed", {"n": 8})}
+    report, plain = (judge(fixed, tolerance="5%", **asked, **more) for more in (given, {}))
+    assert planned(report, fixed, *asked.values()).plan is None
+    assert planned(plain, fixed, *asked.values()).plan.cases[0].conforms > 10
+    assert planned(plain, fixed, EIGHTH).plan is None  # nothing is declared

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from truemean.conformance.declared import Declaration, Declared, derive_declared, read_declaration
-from truemean.conformance.openings import Levels
+from truemean.conformance.evidence import Bounded
+from truemean.conformance.openings import Levels, end_bets
 from truemean.conformance.target import Target
 from truemean.conformance.trial import Trial
 from truemean.conformance.verdict import PlanCheck, Verdict
@@ -140,3 +141,16 @@ def test_a_function_may_be_declared_bare_or_with_parameters():
     assert read_declaration(mine) == Declaration("mine", Plan(mine), {})
     assert read_declaration((mine, {"n": 3})) == Declaration("mine", Plan(mine), {"n": 3})
     assert read_declaration(None) is None
+
+
+def test_each_end_of_the_interval_is_a_confidence_sequence_at_half_of_beta():
+    rng = np.random.default_rng(35)
+    asked = target(tolerance=Fraction(0))
+    trial = Trial.open(asked, LEVELS).observe(rng.binomial(16, 1 / 8, 400) / 16)
+    values, counts = trial.outcomes.tally.values, trial.outcomes.tally.counts
+    for end, sign in zip(trial.interval(), (1, -1), strict=True):
+        edge = 1 / 8 + end + sign * 1e-9  # the slack is outside
+        side = Bounded.at(sign, edge)
+        bets = end_bets(asked, LEVELS, None, sign)
+        evidence = np.logaddexp.reduce(bets.log_weights + side.log_factors(bets.fractions, values) @ counts)
+        assert math.isclose(evidence, math.log(2 / LEVELS.conforms), rel_tol=1e-6)
