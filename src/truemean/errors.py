@@ -18,6 +18,7 @@
     |       |-- NoClosedForm               no formula in the symbols (says which of them to make concrete)
     |       `-- RowBudgetExceeded          more rows than allowed (says what asked for them)
     |-- SubjectError                       the estimator under test broke: exit code 4
+    |-- TooManyPaths                       code with more paths than its budget: judged by sampled replicates
     `-- Unsupported                        an estimator declines a pixel: the case is skipped
 
 Every message names the thing, its value and the way out.
@@ -44,6 +45,7 @@ __all__ = [
     "RowBudgetExceeded",
     "SceneError",
     "SubjectError",
+    "TooManyPaths",
     "TruemeanError",
     "UndecidedTie",
     "UndefinedValue",
@@ -127,6 +129,10 @@ class RowBudgetExceeded(PlanError):
 
 class SubjectError(TruemeanError):
     """The estimator under test crashed, hung or returned something that is no estimate."""
+
+
+class TooManyPaths(TruemeanError):
+    """Raised by an estimator that asks for its samples, where to answer in every way takes more runs than allowed."""
 
 
 class Unsupported(TruemeanError):

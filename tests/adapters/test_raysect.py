@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from truemean.adapters import load
+from truemean.conformance import check_subject
 from truemean.errors import InputError, SubjectError, UnknownName, Unsupported
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.scene import Scene
@@ -69,7 +70,6 @@ def test_control_pixels_are_exact(subject):
     black, white = list(subject.pixels().values())[-2:]
     assert set(subject.run(black, np.arange(100))) == {0}
     assert set(subject.run(white, np.arange(100))) == {1}
-    subject.self_check()
 
 
 def test_not_adaptive_it_has_the_true_mean_and_a_binomial_variance():
@@ -138,25 +138,38 @@ def test_a_pixel_of_equal_law_is_rendered_and_another_is_unsupported(subject):
         subject.run(Pixel.two("1/8"), np.arange(3))
 
 
-def test_self_check_notices_a_seed_that_changes_nothing_or_too_much(monkeypatch):
+@pytest.mark.parametrize("options", ["", "min_samples=4", "sampler=rgb&min_samples=4&pixel_samples=2"])
+def test_keeps_the_promises_of_an_estimator(options):
+    check_subject(load(f"raysect?{options}"))
+
+
+def test_a_seed_that_changes_nothing_or_too_much_is_noticed(monkeypatch):
     subject = load("raysect")
-    draw = type(subject)._observe
-    monkeypatch.setattr(type(subject), "_observe", lambda self, seed, places: draw(self, 1, places))
-    with pytest.raises(SubjectError, match="equal frames"):
-        subject.self_check()
-    counter = iter(range(1000))
-    monkeypatch.setattr(type(subject), "_observe", lambda self, seed, places: draw(self, next(counter), places))
-    with pytest.raises(SubjectError, match="other frames"):
-        subject.self_check()
+    draw = type(subject).frame
+    monkeypatch.setattr(type(subject), "frame", lambda self, seed: draw(self, 1))
+    with pytest.raises(SubjectError, match="different seeds give different estimates: all are one"):
+        check_subject(subject)
+    counter = iter(range(10**6))
+    monkeypatch.setattr(type(subject), "frame", lambda self, seed: draw(self, next(counter)))
+    with pytest.raises(SubjectError, match="the same seeds give the same estimates: tile#"):
+        check_subject(load("raysect"))
 
 
-def test_self_check_notices_a_camera_that_is_off():
+def test_a_camera_that_is_off_is_noticed():
     from raysect.core import translate
 
     subject = load("raysect")
     subject._camera.transform *= translate(2, 0, 0)
-    with pytest.raises(SubjectError, match=r"in pixel tile#\d,\d, which is [01] all over"):
-        subject.self_check()
+    with pytest.raises(SubjectError, match=r"those of a pixel of one value exact: tile#\d,\d returned"):
+        check_subject(subject)
+
+
+def test_the_sampler_of_colours_decides_as_the_other_does():
+    mono, colour = (load(f"raysect?sampler={kind}&min_samples=4") for kind in ("mono", "rgb"))
+    pixels = [list(each.pixels().values()) for each in (mono, colour)]
+    assert colour.declares == mono.declares == ("two-stage-pooled", {"n": 4, "m": 12, "eps": 0})
+    estimates = [each.run_many(own, np.arange(200)) for each, own in zip((mono, colour), pixels, strict=True)]
+    assert np.allclose(*estimates, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -173,6 +186,7 @@ def test_self_check_notices_a_camera_that_is_off():
         ("raysect?min_samples=4&cutoff=2", InputError, ["cutoff=2", "[0, 1]"]),
         ("raysect?min_samples=4&cutoff=low", InputError, ["cutoff='low'", "raysect refuses"]),
         ("raysect?min_samples=9999999999", InputError, ["min_samples=9999999999", "raysect refuses"]),
+        ("raysect?sampler=bayer", InputError, ["sampler='bayer'", "mono", "rgb"]),
         ("raysect?cutoff=0.1", InputError, ["cutoff='0.1'", "give min_samples too"]),
         ("raysect:tiles", InputError, ["'tiles'", "tile"]),
         ("raysect?spp=4", UnknownName, ["option of adapter raysect", "'spp'"]),
