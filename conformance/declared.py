@@ -28,6 +28,7 @@ __all__ = [
     "Declaration",
     "Declared",
     "derive_declared",
+    "marginal",
     "plan_errors",
     "read_declaration",
     "read_law",
@@ -89,7 +90,7 @@ def derive_declared(declaration: Declaration, pixel: Pixel) -> tuple[Declared, .
             _channel(found.get("bias"), c),
             _channel(found.get("variance"), c),
             found.get("cost"),
-            _marginal(found["law"], c) if "law" in found else None,
+            marginal(found["law"], c) if "law" in found else None,
             note,
         )
         for c in range(pixel.channels or 1)
@@ -131,13 +132,13 @@ def read_law(law: Any) -> dict[Any, Fraction]:
 def _predicted(predicted: Mapping[str, Any], law: Any, pixel: Pixel, channel: int) -> Declared:
     true_mean = _channel(pixel.mean, channel)
     mean, variance = (_number(_channel(predicted.get(name), channel), name) for name in ("mean", "variance"))
-    marginal = None
+    own = None
     if law is not None:
-        marginal = _marginal(law, channel)
-        mean = sum((x * p for x, p in marginal.items()), Fraction(0))
-        variance = sum(((x - mean) ** 2 * p for x, p in marginal.items()), Fraction(0))
+        own = marginal(law, channel)
+        mean = sum((x * p for x, p in own.items()), Fraction(0))
+        variance = sum(((x - mean) ** 2 * p for x, p in own.items()), Fraction(0))
     bias = None if mean is None else mean - true_mean
-    return Declared(bias, variance, _number(predicted.get("cost"), "cost"), marginal)
+    return Declared(bias, variance, _number(predicted.get("cost"), "cost"), own)
 
 
 def _number(value: Any, name: str) -> Fraction | None:
@@ -163,9 +164,14 @@ def _channel(value: Any, channel: int) -> Any:
     return value[channel] if isinstance(value, tuple) else value
 
 
-def _marginal(law: Mapping[Any, Fraction], channel: int) -> dict[Fraction, Fraction]:
-    marginal: dict[Fraction, Fraction] = {}
+def marginal(law: Mapping[Any, Fraction], channel: int) -> dict[Fraction, Fraction]:
+    """The law of one channel of an outcome.
+
+    >>> marginal({(0, 5): Fraction(1, 2), (0, 6): Fraction(1, 2)}, 0)
+    {0: Fraction(1, 1)}
+    """
+    found: dict[Fraction, Fraction] = {}
     for outcome, probability in law.items():
         atom = _channel(outcome, channel)
-        marginal[atom] = marginal.get(atom, Fraction(0)) + probability
-    return marginal
+        found[atom] = found.get(atom, Fraction(0)) + probability
+    return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from truemean import __version__
 from truemean.conformance.declared import read_declaration
 from truemean.conformance.evidence import METHODS
+from truemean.conformance.exactly import exact_cases
 from truemean.conformance.panel import Panel, read_regions
 from truemean.conformance.replicates import attribute
 from truemean.conformance.seeding import check_seeds
@@ -85,11 +86,13 @@ def judge(
     chosen = read_pixels(subject, pixels)
     order = [each.name for each in chosen]
     groups = read_regions(regions, order)
-    # Every bet is placed before the run.
-    streams, skipped = open_streams(subject, chosen, settings)
-    panel = Panel(streams, settings.alpha_biased(subject), sum(each.channels for each in chosen), settings)
+    # Where the law of the code itself is known, no replicates are needed; for all else bets are placed before the run.
+    exact = exact_cases(subject, chosen, settings)
+    sampled = [each for each in chosen if not {each.name} & {*exact.cases, *exact.skipped}]
+    streams, skipped = open_streams(subject, sampled, settings)
+    panel = Panel(streams, settings.alpha_biased(subject), sum(each.channels for each in sampled), settings)
     ended = _draw(subject, panel, settings, deterministic, progress)
-    cases = _cases(streams, order, ended)
+    cases = _cases(streams, order, ended, exact.cases)
     verdict, reason = _verdict(cases, panel.is_biased)
     # Everything that was found.
     return Report(
@@ -98,15 +101,18 @@ def judge(
         reason=reason,
         plan_check=_plan_check(cases),
         cases=cases,
-        skipped=skipped | {each.name: s.skipped for s in streams if s.skipped for each in s.chosen},
+        skipped={**exact.skipped, **skipped}
+        | {each.name: s.skipped for s in streams if s.skipped for each in s.chosen},
         arguments=settings.arguments() | {"pixels": tuple(order)},
         seed=settings.seed,
-        notes=_notes(settings, chosen),
+        notes=(*_notes(settings, chosen, sampled), *exact.notes, *map(str, attribute(subject, "notes") or ())),
         versions=versions,
         interrupted=ended == INTERRUPTED,
         discoveries=panel.discoveries(),
         regions=panel.regions(groups),
         somewhere=panel.somewhere,
+        seconds=sum(stream.seconds for stream in streams),
+        runs=sum(stream.drawn for stream in streams),
     )
 
 
@@ -126,11 +132,13 @@ def _draw(subject: Any, panel: Panel, settings: Settings, deterministic: bool | 
     return SPENT
 
 
-def _cases(streams: Sequence[Stream], order: Sequence[str], ended: str) -> tuple[Case, ...]:
+def _cases(
+    streams: Sequence[Stream], order: Sequence[str], ended: str, exact: Mapping[str, list[Case]]
+) -> tuple[Case, ...]:
     """The cases in the order of the pixels."""
-    found: dict[str, list[Case]] = {name: [] for name in order}
+    found: dict[str, list[Case]] = {name: exact.get(name, []) for name in order}
     for stream in streams:
-        why = ended if stream.drawn < stream.seeds.capacity else f"no fresh seed of {stream.seeds.bits} bits is left"
+        why = ended if stream.drawn < stream.seeds.capacity else stream.seeds.spent
         for each, trials in zip(stream.chosen, stream.trials, strict=True):
             found[each.name] = [] if stream.skipped else [trial.case(why) for trial in trials]
     return tuple(case for cases in found.values() for case in cases)
@@ -152,7 +160,9 @@ def _plan_check(cases: Sequence[Case]) -> PlanCheck | None:
     return next((check for check in (PlanCheck.DEVIATES, PlanCheck.FOLLOWS) if check in checks), None)
 
 
-def _notes(settings: Settings, chosen: Sequence[Chosen]) -> tuple[str, ...]:
+def _notes(settings: Settings, chosen: Sequence[Chosen], sampled: Sequence[Chosen]) -> tuple[str, ...]:
+    if not sampled:
+        return ("all verdicts are exact: every path of the code was run, and nothing is left to chance",)
     alpha, beta, method = settings.alpha, settings.beta, METHODS[settings.method]
     notes = [
         f"if nothing is wrong, a BIASED or DEVIATES anywhere in this run has probability at most {alpha:g}",

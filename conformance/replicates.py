@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from truemean.errors import InputError, NeedsScene, SubjectError, Unsupported, raised
 
-__all__ = ["Seeds", "attribute", "blaming", "run"]
+__all__ = ["Few", "Seeds", "attribute", "blaming", "run"]
 
 FloatArray = NDArray[np.float64]
 COLOURS = ": return [seeds, channels], e.g. values.mean(axis=0) per draw, or raise Unsupported to skip colour pixels"
@@ -37,6 +37,11 @@ class Seeds:
             raise InputError(f"seed_bits={self.bits!r} must be a whole number from 1 to 63")
 
     @property
+    def spent(self) -> str:
+        """Why no replicate can be drawn any more."""
+        return f"no fresh seed of {self.bits} bits is left"
+
+    @property
     def capacity(self) -> int:
         """How many seeds there are before one would have to be used twice."""
         return ((1 << self.bits) - self.stream - 1) // self.streams + 1
@@ -54,11 +59,44 @@ class Seeds:
         return index.astype(np.int64)
 
 
+@dataclass(frozen=True, slots=True)
+class Few:
+    """The seeds of an estimator that has so many replicates and no more: 0..number-1, in an order that ``seed`` picks.
+
+    >>> sorted(Few(seed=7, number=3).take(0, 3).tolist())
+    [0, 1, 2]
+    """
+
+    seed: int
+    number: int
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.number, int) and self.number >= 1):
+            raise InputError(f"replicates={self.number!r} must be a whole number from 1 up")
+
+    @property
+    def spent(self) -> str:
+        """Why no replicate can be drawn any more."""
+        return f"all {self.number} replicates are used"
+
+    @property
+    def capacity(self) -> int:
+        """How many seeds there are."""
+        return self.number
+
+    def take(self, start: int, stop: int) -> NDArray[np.int64]:
+        """Seeds number ``start`` to ``stop - 1``."""
+        return np.random.default_rng(self.seed).permutation(self.number)[start:stop]
+
+
 @contextmanager
-def blaming(what: str) -> Iterator[None]:
+def blaming(what: str, *allowed: type[Exception]) -> Iterator[None]:
     """Whatever the subject raises meanwhile is a SubjectError: ``what`` crashed; declining stays Unsupported."""
+    passed: tuple[type[Exception], ...] = (SubjectError, *allowed)
     try:
         yield
+    except passed:
+        raise
     except (Unsupported, NeedsScene) as declined:
         raise Unsupported(str(declined)) from declined
     except (Exception, SystemExit) as crash:
@@ -83,7 +121,8 @@ def run(
         raw = subject.run_many(pixels, seeds) if together else subject.run(pixels[0], seeds)
     costs = attribute(subject, "costs")
     with blaming("costs(pixel, seeds)"):
-        spent = costs and [float(np.sum(costs(pixel, seeds))) for pixel in pixels]
+        told = [costs(pixel, seeds) for pixel in pixels] if costs else [None]
+        spent = None if any(each is None for each in told) else [float(np.sum(np.asarray(each))) for each in told]
     shape = (seeds.size, *([len(pixels)] if together else []), *([channels] if channels else []))
     outputs = _as_floats(raw)
     if outputs.shape != shape:

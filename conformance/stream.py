@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from truemean.conformance.declared import derive_declared
-from truemean.conformance.replicates import Seeds, attribute, run
+from truemean.conformance.replicates import Few, Seeds, attribute, run
 from truemean.conformance.settings import Chosen, Settings
 from truemean.conformance.trial import Trial
 from truemean.conformance.verdict import Verdict
@@ -25,9 +26,9 @@ SEED_BITS = 53
 class Stream:
     """Pixels that are rendered together, from the same seeds, with their trials by pixel and channel."""
 
-    def __init__(self, chosen: Sequence[Chosen], seeds: Seeds, trials: list[list[Trial]]) -> None:
+    def __init__(self, chosen: Sequence[Chosen], seeds: Seeds | Few, trials: list[list[Trial]]) -> None:
         self.chosen, self.seeds, self.trials = chosen, seeds, trials
-        self.drawn, self.skipped = 0, ""
+        self.drawn, self.skipped, self.seconds = 0, "", 0.0
 
     @property
     def waiting(self) -> bool:
@@ -53,6 +54,7 @@ class Stream:
         """One look: draw the next batch, up to ``limit`` replicates in all; how many were drawn."""
         look = max(FIRST_LOOK, math.ceil(self.drawn * LOOK_GROWTH))
         seeds = self.seeds.take(self.drawn, min(look, limit, self.seeds.capacity))
+        begun = time.perf_counter()
         try:
             given = [each.given for each in self.chosen]
             estimates, costs = run(subject, given, self.chosen[0].pixel.channels, seeds)
@@ -64,6 +66,7 @@ class Stream:
         except SubjectError as broken:
             self._break_all(str(broken))
         else:
+            self.seconds += time.perf_counter() - begun
             for place, columns in enumerate(estimates):
                 self._observe(place, columns, seeds, costs[place] if costs else None)
         self.drawn += seeds.size
@@ -102,11 +105,12 @@ def open_streams(subject: Any, chosen: Sequence[Chosen], settings: Settings) -> 
             skipped[each.name] = str(declined)
         else:
             groups.setdefault(each.pixel.channels if together else each.name, []).append((each, trials))
-    bits = attribute(subject, "seed_bits") or SEED_BITS
+    few, bits = attribute(subject, "replicates"), attribute(subject, "seed_bits") or SEED_BITS
     streams = []
     for number, group in enumerate(groups.values()):
         members, trials_of = zip(*group, strict=True)
-        streams.append(Stream(members, Seeds(settings.seed, bits, number, len(groups)), list(trials_of)))
+        seeds = Seeds(settings.seed, bits, number, len(groups)) if few is None else Few(settings.seed, few)
+        streams.append(Stream(members, seeds, list(trials_of)))
     return streams, skipped
 
 

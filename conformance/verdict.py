@@ -44,7 +44,8 @@ class Case:
     replicates that a verdict would probably take. ``std`` and ``cost`` are measured, beside them those
     declared. ``evidence`` has the natural logarithms of the e-values against |E[ξ] - I| <= tolerance
     ("biased": of either sign, the one named in ``reason`` is a label outside the error rate), against a bias
-    above and below it ("not_above", "not_below"), and against what is declared ("fit").
+    above and below it ("not_above", "not_below"), and against what is declared ("fit"). ``exact_bias`` is E[ξ] - I
+    itself, where all paths of the code were run: then there are no replicates, and nothing is left to chance.
     """
 
     pixel: str
@@ -66,6 +67,7 @@ class Case:
     replicates: int
     predicted: int | None
     evidence: Mapping[str, float]
+    exact_bias: Fraction | None = None
 
     @property
     def name(self) -> str:
@@ -105,6 +107,7 @@ class Report:
     ``discoveries`` are the cases that e-BH calls biased: of those named, a share of at most alpha is wrong
     on average, where a verdict BIASED anywhere is wrong with probability at most alpha. ``regions`` are the
     same evidence by tile or region; ``somewhere`` the peak of the combined evidence for any bias at all;
+    ``runs`` of the subject took ``seconds``, a run being one replicate of one pixel, or of all that are rendered together;
     ``plan`` is what was to be expected, where a report is to print it.
     """
 
@@ -122,6 +125,8 @@ class Report:
     discoveries: tuple[str, ...] = ()
     regions: tuple[Region, ...] = ()
     somewhere: float = 0.0
+    seconds: float = 0.0
+    runs: int = 0
     plan: RunPlan | None = None
 
     def to_json(self) -> dict[str, Any]:
