@@ -35,7 +35,7 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-PLACE = re.compile(r"(?:(?P<scene>.*)#)?(?P<x>[0-9]+),(?P<y>[0-9]+)", re.DOTALL)
+PLACE = re.compile(r"(?:(?P<scene>.*)#)?(?P<x>[0-9]+),(?P<y>[0-9]+)(?:[+][0-9]+)?", re.DOTALL)
 ALMOST_OVERFLOW = 700.0  # e^709 is the largest that float64 holds
 
 
@@ -189,7 +189,7 @@ class Group:
 
 
 def tiles(names: Iterable[str], size: int) -> dict[str, tuple[str, ...]]:
-    """The pixels by tile of ``size`` x ``size``, row by row: names ``"12,7"`` or ``"scene#12,7"`` hold column and row.
+    """The pixels by tile of ``size`` x ``size``, row by row: names ``"12,7"``, ``"scene#12,7"`` or ``"12,8+4"`` hold column and row.
 
     With several scenes each has tiles of its own, named ``"scene#tile 1,0"``. Raises InputError for a name
     without a place, and for a ``size`` that is no positive integer.
