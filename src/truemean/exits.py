@@ -11,7 +11,7 @@ from collections.abc import Callable
 import truemean
 from truemean.errors import SubjectError, TruemeanError
 
-__all__ = ["CODES", "exit_code", "judged_code"]
+__all__ = ["BROKEN", "CODES", "exit_code", "judged_code"]
 
 WRONG_USE, BROKEN, INTERNAL, INTERRUPTED = 2, 4, 70, 130
 VERDICTS = {"CONFORMS": 0, "BIASED": 1, "INCONCLUSIVE": 3, "BROKEN": BROKEN}

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.table import Table
 from rich.text import Text
 
+from truemean.conformance.checking import Check
 from truemean.conformance.planning import RunPlan
 from truemean.conformance.verdict import Case, PlanCheck, Report, Verdict
 from truemean.output import console, decimal
 from truemean.tables import show, table_of
 
-__all__ = ["print_judgement", "print_run_plan"]
+__all__ = ["print_checks", "print_judgement", "print_run_plan"]
 
 ROOMY = 105  # columns that the whole table of a judgement takes
 STYLES = {
@@ -68,8 +69,18 @@ def _row(case: Case) -> dict[str, str | Text]:
         "E[ξ] - I lies in": f"[{low}, {high}]",
         "std": _measured(case.std, case.declared_std, 3),
         "cost": _measured(case.cost, case.declared_cost, 4),
-        "runs": str(case.replicates),
+        "runs": str(case.replicates) if case.exact_bias is None else "exact",
     }
+
+
+def print_checks(subject: str, checks: Sequence[Check]) -> None:
+    """A row for each promise, and how many are kept."""
+    table = table_of("promise", "kept", "seen")
+    looks = {True: Text("yes", "green"), False: Text("NO", "red"), None: Text("-")}
+    for check in checks:
+        table.add_row(check.promise, looks[check.kept], check.seen)
+    show(table)
+    show(f"{sum(check.kept is True for check in checks)} of {len(checks)} promises are kept: {subject}")
 
 
 def print_run_plan(plan: RunPlan) -> None:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from truemean import options
 from truemean.commands import command
-from truemean.errors import MissingExtra, UnknownName
-from truemean.exits import judged_code
+from truemean.exits import BROKEN, judged_code
 
 if TYPE_CHECKING:
     from truemean.conformance import Report
 
-__all__ = ["judge", "plan_run", "report"]
+__all__ = ["check", "judge", "plan_run", "report"]
 
 
 @command(
@@ -22,7 +23,8 @@ __all__ = ["judge", "plan_run", "report"]
     "truemean judge python:my_sampler.py:estimate --tolerance 1%",
     'truemean judge "plan:kirk-arvo?n=4" --tolerance 1% --tolerance thin=5%',
     'truemean judge python:my_sampler.py:estimate --tolerance 1% --suspect "kirk-arvo?n=4" --pixels hard',
-    'truemean judge "raysect?min_samples=4" --tolerance 1% --budget 2000 --html verdict.html',
+    "truemean judge exec:./my_estimator --tolerance 1% --timeout 60",
+    'truemean judge "raysect?min_samples=4" --tolerance 1% --budget 2000 --jobs 2 --html verdict.html',
 )
 def judge(
     subject: options.Subject,
@@ -43,6 +45,7 @@ def judge(
     tiles: options.Tiles = None,
     independent: options.Independent = False,
     deterministic: options.Deterministic = False,
+    jobs: options.Jobs = 0,
     # Where it goes.
     json: options.Json = None,
     html: options.Html = None,
@@ -71,7 +74,7 @@ def judge(
     chosen, bounds = read_pixels(pixels or ()), read_range(range_)
     # Judge.
     with working("loading") as show:
-        estimator = load(subject)
+        estimator = load(subject, jobs=jobs)
         found = judge_estimator(
             estimator,
             tolerance=read_tolerances(tolerance),
@@ -93,6 +96,39 @@ def judge(
             report = planned(report, estimator, chosen, plan, bounds)
     _write_judgement(report, json, html, markdown)
     return judged_code(report.verdict, deviates=report.plan_check == "DEVIATES", interrupted=report.interrupted)
+
+
+@command("check", "truemean check python:my_sampler.py:estimate", 'truemean check "raysect?min_samples=4"')
+def check(
+    subject: options.Subject,
+    pixels: options.PixelTexts = None,
+    replicates: options.Replicates = 64,
+    json: options.Json = None,
+) -> int:
+    """Check that a SUBJECT keeps the promises of an estimator, before it is judged.
+
+    The same seed gives the same estimate, whatever it is run with; different seeds give different ones, without
+    correlation; shapes, ranges and costs are right; a pixel of one value has it. For who writes an adapter.
+
+    Exit codes: 0 every promise is kept; 4 one is broken.
+    """
+    from truemean.adapters import load
+    from truemean.arguments import check_destination, read_pixels
+    from truemean.conformance import check_subject
+    from truemean.judgements import print_checks
+    from truemean.output import working, write_json
+
+    check_destination("--json", json)
+    with working("loading") as show:
+        estimator = load(subject)
+        show("checking")
+        checks = check_subject(estimator, pixels=read_pixels(pixels or ()), replicates=replicates, strict=False)
+    if json is not None:
+        found = [{"promise": each.promise, "kept": each.kept, "seen": each.seen} for each in checks]
+        write_json(json, {"schema": "truemean-check/1", "subject": subject, "checks": found})
+    if json != "-":
+        print_checks(subject, checks)
+    return BROKEN if any(each.kept is False for each in checks) else 0
 
 
 @command(
@@ -157,66 +193,42 @@ def _write_judgement(report: Report, json: str | None, html: str | None, markdow
                 write_text(file, render(report))
 
 
-CODE = {
-    "Fig. 1 in NumPy": "python:truemean.adapters.reference:KirkArvo",
-    "Fig. 2 in NumPy": "python:truemean.adapters.reference:KirkArvoUnbiased",
-}
-RENDERERS = {
-    "raysect": {
-        "raysect, not adaptive": "raysect?pixel_samples=4",
-        "raysect, adaptive (pilot 4)": "raysect?min_samples=4&cutoff=0&ratio=1e9",
-    }
-}
-
-
 @command("report", "truemean report", "truemean report --renderers none --out plans-only")
 def report(
     out: options.Directory = Path("truemean-report"),
     renderers: options.Renderers = "all",
     seed: options.Seed = 0,
+    jobs: options.Together = 0,
 ) -> int:
     """Write the reference report: plans and renderers compared.
 
     The figures of the paper are recomputed, plans compared, implementations judged. The directory holds
-    report.html (one file, no network), report.md and report.json. It takes a minute or two, and says what
-    it skipped because a renderer is not installed.
+    report.html (one file, no network), report.md, report.json, and a page for each renderer. It takes a minute
+    or two, and one more for each renderer; it says what it skipped because a renderer is not installed.
     """
+    from truemean.adapters import load
     from truemean.output import command_line, console, replaced, working
+    from truemean.reporting import CODE, chosen, judged
 
     with replaced(out, "report.json") as directory, working("starting") as show:
         from truemean.conformance.report import build
 
-        subjects, skipped = _reported_subjects(renderers)
+        entries, skipped = chosen(renderers)
+        pages = judged(entries, seed, jobs or os.cpu_count() or 1, show)
         summary = build(
             directory,
-            subjects,
+            {name: (text, load(text)) for name, text in CODE.items()},
             command=command_line(),
             seed=seed,
             skipped=skipped,
             progress=lambda text, done: show(f"{done:4.0%} {text}"),
+            pages=pages,
         )
     lines = [f"{name} skipped: {why}" for name, why in skipped.items()]
-    lines.append(f"written: {out / 'report.html'}, report.md and report.json beside it")
+    lines.append(f"written: {out / 'report.html'}, report.md and report.json beside it{_beside(pages)}")
     console().print(summary["headline"], *lines, sep="\n", soft_wrap=True)
     return 0
 
 
-def _reported_subjects(renderers: str) -> tuple[dict[str, tuple[str, Any]], dict[str, str]]:
-    """SUBJECT and estimator by name, and which renderers are missing and why.
-
-    MissingExtra for a missing one that was asked for by its name.
-    """
-    from truemean.adapters import load
-
-    asked = {"all": list(RENDERERS), "none": []}.get(renderers, renderers.split(","))
-    subjects, skipped = {name: (text, load(text)) for name, text in CODE.items()}, {}
-    for renderer in asked:
-        if renderer not in RENDERERS:
-            raise UnknownName("renderer", renderer, ["all", "none", *RENDERERS])
-        try:
-            subjects |= {name: (text, load(text)) for name, text in RENDERERS[renderer].items()}
-        except MissingExtra as error:
-            if renderers != "all":
-                raise
-            skipped[renderer] = str(error)
-    return subjects, skipped
+def _beside(pages: Mapping[str, Any]) -> str:
+    return f", and {', '.join(f'{page}.html' for page in pages)}" if pages else ""

@@ -17,7 +17,7 @@ Subject = Annotated[
     str,
     typer.Argument(
         metavar="SUBJECT",
-        help="What to run: python:MODULE:NAME, python:FILE.py:NAME, plan:NAME?n=4 or a renderer; "
+        help="What to run: python:FILE.py:NAME, exec:COMMAND, lib:PATH:SYMBOL, images:DIR, plan:NAME?n=4 or a renderer; "
         "see 'truemean list adapters'. Quote it where it has a ? or &.",
     ),
 ]
@@ -139,6 +139,27 @@ Range = Annotated[
 Timeout = Annotated[
     float | None, typer.Option(metavar="SECONDS", help="Stop after this time with what is known by then.")
 ]
+Jobs = Annotated[
+    int,
+    typer.Option(
+        min=0,
+        metavar="N",
+        help="Run the subject in so many processes of its own, where it may crash or hang without harm. "
+        "[default: in this process; exec: and lib: always have one]",
+        show_default=False,
+    ),
+]
+Together = Annotated[
+    int,
+    typer.Option(
+        "--jobs",
+        min=0,
+        metavar="N",
+        help="How many are judged at once. [default: as many as there are cores]",
+        show_default=False,
+    ),
+]
+Replicates = Annotated[int, typer.Option(min=2, metavar="N", help="How many seeds to look at on each pixel.")]
 Most = Annotated[
     int | None,
     typer.Option(min=1, metavar="N", help="The largest n, of 3, 4 and speed-accuracy. [default: 32, 32, 4096]"),
