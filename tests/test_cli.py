@@ -12,6 +12,7 @@ from truemean.adapters import available
 from truemean.conformance.pixels import SETS
 from truemean.errors import MissingExtra
 from truemean.oracle.plans import catalogue
+from truemean.reporting import RENDERERS
 
 PIXEL = ("--pixel", "0:7/8,1:1/8")
 
@@ -153,13 +154,19 @@ def built(monkeypatch):
     """What the report is asked to build, in place of building it."""
     asked = {}
 
-    def build(out, subjects, *, command, seed, skipped, progress):
+    def build(out, subjects, *, command, seed, skipped, progress, pages):
         progress("half way", 0.5)
         asked.update(subjects={name: text for name, (text, _) in subjects.items()}, seed=seed, skipped=dict(skipped))
+        asked.update(pages=pages)
         (out / "report.json").write_text("{}")
         return {"headline": "one sentence"}
 
+    def judged(entries, seed, jobs, tell):
+        tell("nothing is judged here")
+        return {entry.page: {} for entry in entries}
+
     monkeypatch.setattr("truemean.conformance.report.build", build)
+    monkeypatch.setattr("truemean.reporting.judged", judged)
     return asked
 
 
@@ -176,7 +183,7 @@ def test_report_hands_in_plans_as_code_and_replaces_its_directory(folder, built)
 
 
 def test_report_says_how_to_get_a_missing_renderer(folder, built, monkeypatch):
-    def load(subject):
+    def load(subject, **_):
         if subject.startswith("raysect"):
             raise MissingExtra("pip install 'truemean[raysect]'")
         return subject
@@ -185,6 +192,7 @@ def test_report_says_how_to_get_a_missing_renderer(folder, built, monkeypatch):
     code, out, _ = call("report")
     assert (code, "raysect skipped: pip install 'truemean[raysect]'" in out) == (0, True)
     assert list(built["skipped"]) == ["raysect"]
+    assert list(built["pages"]) == [name for name in RENDERERS if name != "raysect"]
     code, _, err = call("report", "--renderers", "raysect")
     assert (code, err) == (2, "truemean: pip install 'truemean[raysect]'\n")
 

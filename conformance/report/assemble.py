@@ -66,11 +66,13 @@ def build(
     seed: int,
     skipped: Mapping[str, str],
     progress: Progress | None = None,
+    pages: verdicts.Pages | None = None,
 ) -> dict[str, Any]:
     """Write report.html, report.json and report.md into the directory ``out``; returns what report.json holds.
 
-    ``subjects`` is what to judge by name: SUBJECT as it is typed, and the estimator; ``skipped`` what was not run,
-    with the line that installs it; ``command`` and ``seed`` are how to replay; ``progress(text, fraction)`` is called often.
+    ``subjects`` is what to judge by name: SUBJECT as it is typed, and the estimator; ``pages`` what was judged already,
+    by renderer and name, for a page each beside; ``skipped`` what was not run, with the line that installs it;
+    ``command`` and ``seed`` are how to replay; ``progress(text, fraction)`` is called often.
     """
     start = time.monotonic()
     tell = _rising(progress or (lambda text, fraction: None))
@@ -84,33 +86,54 @@ def build(
     tell("writing the files", 1 - WRITING / total)
     data: dict[str, Any] = {
         "schema": SCHEMA,
-        **_outcome(reports),
+        **_outcome(reports, pages or {}),
         "skipped": dict(skipped) | {name: "interrupted before its turn" for name in subjects if name not in reports},
         "command": command,
         "seed": seed,
         "commit": commit(),
     }
-    sections = [verdicts.section(reports, TOLERANCE), *sections, _replay(data)]
+    sections = [verdicts.section(reports, TOLERANCE, pages), *sections, _replay(data)]
     data["sections"] = {section.name: section.data for section in sections if section.data}
+    data["pages"] = {
+        page: {name: report.to_json() for name, report in found.items()} for page, found in (pages or {}).items()
+    }
     made = f"Made on {datetime.now(UTC):%Y-%m-%d} in {time.monotonic() - start:.0f} s."
     document = Document(
         "truemean: the reference report", data["headline"], tuple(data["verdicts"].items()), tuple(sections), made
     )
     _write(Path(out), document, data)
+    for page, found in (pages or {}).items():
+        _write_page(Path(out), page, found, data)
     tell("done", 1.0)
     return data
 
 
-def _outcome(reports: Mapping[str, Report]) -> dict[str, Any]:
+def _outcome(reports: Mapping[str, Report], pages: verdicts.Pages) -> dict[str, Any]:
     """What was found on the implementations, how to judge each of them alone, and what they were run with."""
+    every = {**reports, **{name: report for found in pages.values() for name, report in found.items()}}
     return {
-        "headline": verdicts.headline(reports, TOLERANCE),
+        "headline": verdicts.headline(reports, TOLERANCE, pages),
         "tolerance": TOLERANCE,
-        "verdicts": {name: str(report.verdict) for name, report in reports.items()},
-        "interrupted": any(report.interrupted for report in reports.values()),
-        "alone": {name: verdicts.replay(report) for name, report in reports.items()},
-        "versions": _all_versions(reports),
+        "verdicts": {name: str(report.verdict) for name, report in every.items()},
+        "interrupted": any(report.interrupted for report in every.values()),
+        "alone": {name: verdicts.replay(report) for name, report in every.items()},
+        "versions": _all_versions(every),
     }
+
+
+def _write_page(out: Path, page: str, found: Mapping[str, Report], data: Mapping[str, Any]) -> None:
+    """The page of one renderer."""
+    notes = tuple(dict.fromkeys(note for report in found.values() for note in report.notes[2:]))
+    own = dict(data) | _outcome({}, {page: found}) | {"skipped": {}}
+    sections = (
+        *([Section("notes", "What to know", notes)] if notes else []),
+        verdicts.section(found, TOLERANCE),
+        _replay(own),
+    )
+    chips = tuple(own["verdicts"].items())
+    document = Document(f"truemean: {page}", verdicts.headline({}, TOLERANCE, {page: found}), chips, sections, "")
+    for suffix, content in (("html", document.html()), ("md", document.markdown())):
+        (out / f"{page}.{suffix}").write_text(content, encoding="utf-8")
 
 
 def _write(out: Path, document: Document, data: Mapping[str, Any]) -> None:
@@ -174,7 +197,7 @@ def _replay(made: Mapping[str, Any]) -> Section:
         "replay",
         "What was not run, and how to run this again",
         (
-            left_out if rows else "Everything that this report knows how to run was run.",
+            left_out if rows else "Everything that this page knows how to run was run.",
             "The same command with the same seed gives the same numbers; only times differ.",
             Code(made["command"]),
             *(("One implementation alone, with the same replicates:", Code("\n".join(alone))) if alone else ()),

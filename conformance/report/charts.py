@@ -18,7 +18,7 @@ __all__ = ["DIVERGING", "INK", "MARKERS", "MUTED", "SERIES", "inline_svg", "pane
 
 INK, MUTED, RULE = "#1a2027", "#5c6773", "#d5dbe1"
 SERIES = ("#0a6ebd", "#c4470f", "#0c7a55", "#7d3fd1", "#96690a", "#b8255f", "#40566b")
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", "*")
 DIVERGING = ("#c4480e", "#d97a2b", "#b9985a", "#6f7a86", "#5b9aa8", "#2b87c4", "#0a6ebe")
 SUFFIXES = (".svg", ".png", ".pdf")
 

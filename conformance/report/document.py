@@ -19,11 +19,12 @@ __all__ = ["Cell", "Chart", "Code", "Document", "Section", "Table"]
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A cell: what is read first, smaller lines below it, and a tone, the class that colours it."""
+    """A cell: what is read first, smaller lines below it, a tone, the class that colours it, and a page it leads to."""
 
     text: str
     small: tuple[str, ...] = ()
     tone: str = ""
+    page: str = ""
     chip: ClassVar[bool] = False
 
 
@@ -116,7 +117,7 @@ def _md_part(part: str | Table | Chart | Code) -> str:
     match part:
         case Table():
             rows = [_md_row(part.head), "|" + " --- |" * len(part.head)]
-            rows += [_md_row(", ".join((cell.text, *cell.small)) for cell in row) for row in part.rows]
+            rows += ["| " + " | ".join(map(_md_cell, row)) + " |" for row in part.rows]
             return "\n".join([f"*{_md(part.caption)}*", "", *rows])
         case Chart():
             return f"*{_md(part.title)}* (chart in the HTML report): {_md(part.caption)}"
@@ -124,6 +125,11 @@ def _md_part(part: str | Table | Chart | Code) -> str:
             return "\n".join(f"    {line}" for line in part.text.splitlines())
         case _:
             return _md(part)
+
+
+def _md_cell(cell: Cell) -> str:
+    text = _md(", ".join((cell.text, *cell.small)))
+    return f"[{text}]({cell.page}.md)" if cell.page else text
 
 
 def _md_row(texts: Any) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
+from itertools import cycle
 from types import MappingProxyType
 from typing import Any
 
@@ -104,6 +105,7 @@ def sized(plan: str, n: int) -> dict[str, Any]:
     """
     known = catalogue[plan].signature.parameters
     sizes = {"n": n, "p": n, "start": n, "m": 3 * n, "n1": n, "n2": 4 * n, "most": 4 * n}
+    sizes["grid"] = round(math.sqrt(n))
     standard_error = {"eps": Fraction(1, 4 + n // 2)} if "most" in known else {}
     return {name: size for name, size in sizes.items() if name in known} | standard_error
 
@@ -124,7 +126,7 @@ def sweep() -> dict[str, tuple[tuple[int, Fraction, Fraction, Fraction, Fraction
 def cost_error() -> Figure:
     """Bias and standard deviation apart, over the expected number of samples."""
     figure, (left, right) = panels(10, 4.2, 1, 2, sharex=True)
-    for (plan, points), colour, marker in zip(sweep().items(), SERIES, MARKERS, strict=False):
+    for (plan, points), colour, marker in zip(sweep().items(), cycle(SERIES), MARKERS, strict=False):
         costs = [float(cost) for _, _, _, cost, _ in points]
         biases = [max(BOTTOM, abs(float(bias))) for _, bias, *_ in points]
         line: dict[str, Any] = {"color": colour, "marker": marker, "label": plan, "clip_on": False}

@@ -25,12 +25,13 @@ from truemean.errors import NeedsScene, PlanError
 from truemean.oracle import Pixel, derive
 from truemean.oracle.plans import catalogue
 
-__all__ = ["declared_plan", "headline", "judge_all", "judged_parts", "replay", "section"]
+__all__ = ["Pages", "declared_plan", "headline", "judge_all", "judge_one", "judged_parts", "replay", "section"]
 
-REPLICATES, FRAMES = 100_000, 20_000  # a frame renders all pixels of a scene and takes milliseconds
+REPLICATES = 100_000
 ALPHA = BETA = 0.01
 CURVE = 48
 Progress = Callable[[str, float], None]
+Pages = Mapping[str, Mapping[str, Report]]
 LOOKS = {
     Verdict.BIASED: (SERIES[1], "o"),
     Verdict.CONFORMS: (SERIES[2], "s"),
@@ -48,13 +49,17 @@ def judge_all(
     """
     found = {}
     for number, (name, (written, subject)) in enumerate(subjects.items()):
-        budget = FRAMES if callable(getattr(subject, "run_many", None)) else REPLICATES
-        look = partial(_look, progress, f"judging {name}", number, budget)
-        report = judge(subject, tolerance=tolerance, alpha=ALPHA, beta=BETA, budget=budget, seed=seed, progress=look)
-        found[name] = planned(replace(report, subject=written), subject)
-        if report.interrupted:
+        look = partial(_look, progress, f"judging {name}", number, REPLICATES)
+        found[name] = judge_one(written, subject, tolerance, seed, REPLICATES, look)
+        if found[name].interrupted:
             break
     return found
+
+
+def judge_one(written: str, subject: Any, tolerance: str, seed: int, budget: int, look: Any = None) -> Report:
+    """The judgement of a subject, as it is typed, and what was to be expected of it."""
+    report = judge(subject, tolerance=tolerance, alpha=ALPHA, beta=BETA, budget=budget, seed=seed, progress=look)
+    return planned(replace(report, subject=written), subject)
 
 
 def replay(report: Report) -> str:
@@ -71,14 +76,22 @@ def _look(progress: Progress, text: str, before: int, budget: int, pixel: str, d
 # -- in words -------------------------------------------------------------------------------------
 
 
-def headline(reports: Mapping[str, Report], tolerance: str) -> str:
-    """The verdicts in one sentence."""
+def headline(reports: Mapping[str, Report], tolerance: str, pages: Pages | None = None) -> str:
+    """The verdicts in one sentence, those of each page in a clause."""
     said = [f"{name} {_outcome(report)}" for name, report in reports.items()]
+    said += [f"{page} is {_worst(found)}" for page, found in (pages or {}).items()]
     if not said:
         return "No implementation was judged; the plans are compared below."
-    right, known = (sum(each) for each in zip(*map(predicted_right, reports.values()), strict=True))
+    every = [*reports.values(), *(report for found in (pages or {}).values() for report in found.values())]
+    right, known = (sum(each) for each in zip(*map(predicted_right, every), strict=True))
     oracle = f"; the oracle’s prediction lies in {right} of {counted(known, 'measured interval')}" if known else ""
     return f"At a tolerance of {_percent(tolerance)}, {'; '.join(said)}{oracle}."
+
+
+def _worst(found: Mapping[str, Report]) -> str:
+    counts = Counter(report.verdict for report in found.values())
+    verdicts = listed([f"{verdict} in {counts[verdict]}" for verdict in Verdict if counts[verdict]])
+    return f"{verdicts} of {counted(len(found), 'configuration')}"
 
 
 def _percent(tolerance: str) -> str:
@@ -110,7 +123,8 @@ def declared_plan(report: Report) -> str:
     """The plan that the subject declares, as a call; "none" without one."""
     plan = report.arguments["declares"]
     if plan is None:
-        return "none"
+        predicted = any(case.declared_bias is not None for case in report.cases)
+        return "predicted by pixel" if predicted else "none"
     return f"{plan['plan']}({', '.join(f'{name}={value}' for name, value in plan['params'].items())})"
 
 
@@ -130,40 +144,47 @@ def predicted_curve(report: Report) -> list[tuple[float, float]]:
 # -- tables ---------------------------------------------------------------------------------------
 
 
-def section(reports: Mapping[str, Report], tolerance: str) -> Section:
-    """A summary, then chart and table for each subject."""
-    parts: list[str | Table | Chart] = [
-        _lead(tolerance),
-    ]
-    if reports:
-        parts.append(_summary(reports))
+def section(reports: Mapping[str, Report], tolerance: str, pages: Pages | None = None) -> Section:
+    """A summary, those of other ``pages`` with it, then chart and table for each subject of this one."""
+    parts: list[str | Table | Chart] = [_lead(tolerance)]
+    if reports or pages:
+        parts.append(_summary(reports, pages or {}))
     for number, (name, report) in enumerate(reports.items(), 1):
         parts += judged_parts(name, report, f"subject-{number}")
     data = {name: report.to_json() for name, report in reports.items()}
     return Section("verdicts", "Do implementations have the true mean?", tuple(parts), data)
 
 
-def _summary(reports: Mapping[str, Report]) -> Table:
-    rows = []
-    for name, report in reports.items():
-        counts = Counter(case.verdict for case in report.cases)
-        right, known = predicted_right(report)
-        rows.append(
-            (
-                Cell(name, (report.subject,)),
-                _chip(report.verdict),
-                Cell(", ".join(f"{counts[verdict]} {verdict}" for verdict in Verdict if counts[verdict]) or "none"),
-                Cell(declared_plan(report)),
-                Cell(f"{right} of {known}" if known else "–", (), "number"),
-            )
-        )
-    head = ("implementation", "verdict", "cases", "declared plan", "intervals that hold the prediction")
+def _summary(reports: Mapping[str, Report], pages: Pages) -> Table:
+    rows = [_summed(name, report, "") for name, report in reports.items()]
+    rows += [_summed(name, report, page) for page, found in pages.items() for name, report in found.items()]
+    head = (
+        "implementation",
+        "verdict",
+        "cases",
+        "declared plan",
+        "intervals that hold the prediction",
+        "runs",
+    )
     return Table(
         "verdict-summary",
         "The verdict on each implementation is the first of its cases’ in this order: "
-        "BROKEN, BIASED, INCONCLUSIVE, CONFORMS.",
+        "BROKEN, BIASED, INCONCLUSIVE, CONFORMS. A run is a replicate of one pixel, or of all that are rendered together.",
         head,
         tuple(rows),
+    )
+
+
+def _summed(name: str, report: Report, page: str) -> tuple[Cell, ...]:
+    counts = Counter(case.verdict for case in report.cases)
+    right, known = predicted_right(report)
+    return (
+        Cell(name, (report.subject,), "", page),
+        _chip(report.verdict),
+        Cell(", ".join(f"{counts[verdict]} {verdict}" for verdict in Verdict if counts[verdict]) or "none"),
+        Cell(declared_plan(report)),
+        Cell(f"{right} of {known}" if known else "–", (), "number"),
+        Cell(f"{report.runs:,}", (f"{report.seconds / report.runs * 1000:.3g} ms each",) * bool(report.runs), "number"),
     )
 
 
