@@ -33,14 +33,13 @@ class Box:
         """The position that lies at the fractions ``x`` and ``y`` of its width and height."""
         return self.left + x * (self.right - self.left), self.top + y * (self.bottom - self.top)
 
-    def quadrants(self) -> tuple[Box, Box, Box, Box]:
-        """Its quarters: top left, top right, bottom left, bottom right."""
-        x, y = self.point(Fraction(1, 2), Fraction(1, 2))
-        return (
-            Box(self.left, self.top, x, y),
-            Box(x, self.top, self.right, y),
-            Box(self.left, y, x, self.bottom),
-            Box(x, y, self.right, self.bottom),
+    def grid(self, n: int) -> tuple[Box, ...]:
+        """The ``n`` x ``n`` equal boxes that it is cut into, row by row."""
+        lines = [self.point(Fraction(i, n), Fraction(i, n)) for i in range(n + 1)]
+        return tuple(
+            Box(left, top, right, bottom)
+            for (_, top), (_, bottom) in pairwise(lines)
+            for (left, _), (right, _) in pairwise(lines)
         )
 
 

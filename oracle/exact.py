@@ -13,6 +13,7 @@ from flint import fmpq
 from truemean.errors import AssumptionError, InputError, InputTypeError
 
 __all__ = [
+    "exact_count",
     "exact_fraction",
     "exact_number",
     "exact_or_symbolic",
@@ -116,6 +117,18 @@ def exact_fraction(value: Any, name: str) -> Any:
     if not is_symbolic(part) and not 0 < part < 1:
         raise InputError(f"{name}={value!r} must lie strictly between 0 and 1")
     return part
+
+
+def exact_count(value: Any, name: str, what: str) -> int:
+    """``value`` as an integer of at least 1; InputError says that it is no ``what``.
+
+    >>> exact_count("3", "n", "number of cells along a side")
+    3
+    """
+    number = exact_number(value, name)
+    if isinstance(value, bool) or number.denominator != 1 or number < 1:
+        raise InputError(f"{name}={short_text(number)} is no {what}: give an integer of at least 1")
+    return int(number)
 
 
 def exact_text(value: Rational) -> str:

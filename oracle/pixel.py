@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from truemean.errors import AssumptionError, InputError, InputTypeError, NeedsScene, PlanError
 from truemean.oracle.exact import (
+    exact_count,
     exact_fraction,
     exact_number,
     exact_or_symbolic,
@@ -29,10 +30,10 @@ Value = Any  # a Fraction or a SymPy expression, or a tuple of Fractions for a c
 
 
 class Geometry(Protocol):
-    """Where a pixel lies in a scene: what quadrants and point samples need."""
+    """Where a pixel lies in a scene: what its cells and point samples need."""
 
-    def quadrants(self) -> tuple[Pixel, ...]:
-        """The four quarters as pixels of area 1/4: top left, top right, bottom left, bottom right."""
+    def grid(self, n: int) -> tuple[Pixel, ...]:
+        """The ``n`` x ``n`` equal cells as pixels of area 1/n^2, row by row; the same ones whenever asked."""
         ...
 
     def at(self, x: Fraction, y: Fraction) -> Value:
@@ -250,8 +251,15 @@ class Pixel:
         return self.with_area(part), self.with_area(1 - part)
 
     def quadrants(self) -> tuple[Pixel, ...]:
-        """The four quarters of a pixel of a scene, each of area 1/4; NeedsScene without geometry."""
-        return self._placed("quadrants()").quadrants()
+        """The four quarters of a pixel of a scene, each of area 1/4, as ``grid(2)``; NeedsScene without geometry."""
+        return self._placed("quadrants()").grid(2)
+
+    def grid(self, n: Any) -> tuple[Pixel, ...]:
+        """The ``n`` x ``n`` equal cells of a pixel of a scene, row by row, each of area 1/n^2.
+
+        InputError for an ``n`` that is no integer of at least 1, NeedsScene without geometry.
+        """
+        return self._placed("grid()").grid(exact_count(n, "n", "number of cells along a side"))
 
     def at(self, x: Any, y: Any) -> Value:
         """The value seen at a position of the pixel, ``x`` and ``y`` in [0, 1), ``y`` downwards."""

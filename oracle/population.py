@@ -116,8 +116,15 @@ class Population:
         return Population(self._path, first, "R"), Population(self._path, second, f"{self.name} - R")
 
     def quadrants(self) -> tuple[Population, ...]:
-        """The four quarters of a pixel of a scene."""
-        return tuple(Population(self._path, q, f"{self.name}.{i}") for i, q in enumerate(self._pixel.quadrants()))
+        """The four quarters of a pixel of a scene: top left, top right, bottom left, bottom right."""
+        return self._cells(self._pixel.quadrants())
+
+    def grid(self, n: Any) -> tuple[Population, ...]:
+        """The ``n`` x ``n`` equal cells of a pixel of a scene, row by row, each of area 1/n^2."""
+        return self._cells(self._pixel.grid(n))
+
+    def _cells(self, cells: tuple[Pixel, ...]) -> tuple[Population, ...]:
+        return tuple(Population(self._path, cell, f"{self.name}.{i}") for i, cell in enumerate(cells))
 
     def estimate(self, plan: Any, **params: Any) -> Any:
         """A sub-estimate by another plan, with its own law, cost and oracle calls."""

@@ -15,7 +15,7 @@ string ``"p/q"``.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
@@ -124,10 +124,11 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """Geometry of a pixel: its window on the scene, and the value of each layer."""
+    """Geometry of a pixel: its window on the scene, the value of each layer, and the grids asked for so far."""
 
     window: Window
     layers: tuple[Value, ...]
+    grids: dict[int, tuple[Pixel, ...]] = field(default_factory=dict)
 
     def pixel(self, area: Fraction = Fraction(1)) -> Pixel:
         law: dict[Value, Fraction] = {}
@@ -136,13 +137,11 @@ class _Place:
             law[value] = law.get(value, Fraction(0)) + seen / self.window.box.area
         return Pixel(law, area, regions=_Quarters(self), geometry=self)
 
-    @cached_property
-    def quarters(self) -> dict[str, Pixel]:
-        boxes = zip(QUARTERS, self.window.box.quadrants(), strict=True)
-        return {name: _Place(self.window.clip(box), self.layers).pixel(Fraction(1, 4)) for name, box in boxes}
-
-    def quadrants(self) -> tuple[Pixel, ...]:
-        return tuple(self.quarters.values())
+    def grid(self, n: int) -> tuple[Pixel, ...]:
+        if n not in self.grids:
+            places = (_Place(self.window.clip(box), self.layers) for box in self.window.box.grid(n))
+            self.grids[n] = tuple(place.pixel(Fraction(1, n * n)) for place in places)
+        return self.grids[n]
 
     def at(self, x: Fraction, y: Fraction) -> Value:
         for name, position in (("x", x), ("y", y)):
@@ -158,7 +157,7 @@ class _Quarters(Mapping[str, Pixel]):
     place: _Place
 
     def __getitem__(self, name: str) -> Pixel:
-        return self.place.quarters[name]
+        return dict(zip(QUARTERS, self.place.grid(2), strict=True))[name]
 
     def __iter__(self) -> Iterator[str]:
         return iter(QUARTERS)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, cast
 from truemean.errors import InputError, InputTypeError, NeedsScene, UnknownName
 from truemean.oracle.columns import NotRational
 from truemean.oracle.evaluate import Evaluator
-from truemean.oracle.exact import exact_fraction, exact_number, is_symbolic, short_text
+from truemean.oracle.exact import exact_count, exact_fraction, exact_number, is_symbolic, short_text
 from truemean.oracle.law import Law
 from truemean.oracle.population import Population
 from truemean.oracle.quantity import CURRENT, Decision, Node, Quantity, constant, quantity
@@ -209,9 +209,14 @@ class StandIn(Population):
         return first, second
 
     def quadrants(self) -> tuple[Population, ...]:
+        return self.grid(2)
+
+    def grid(self, n: Any) -> tuple[Population, ...]:
+        side = exact_count(n, "n", "number of cells along a side")
         if not self._trail.fact("scene", self._region.world):
-            raise self._trail.lacks(NeedsScene("quadrants() needs a scene: the pixel has no geometry"))
-        return tuple(self._parted("quadrants", dict.fromkeys(QUARTERS, Fraction(1, 4))).values())
+            raise self._trail.lacks(NeedsScene(f"grid({side}) needs a scene: the pixel has no geometry"))
+        kind, names = ("quadrants", QUARTERS) if side == 2 else (f"grid {side}", map(str, range(side * side)))
+        return tuple(self._parted(kind, dict.fromkeys(names, Fraction(1, side * side))).values())
 
     def _parted(
         self, kind: str, areas: Mapping[str, Any], prefix: str | None = None, own: bool = False

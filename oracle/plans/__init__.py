@@ -22,6 +22,8 @@ _PLANS = {
     "fixed": "truemean.oracle.plans.fixed:fixed",
     "sequential": "truemean.oracle.plans.sequential:sequential",
     "hierarchical": "truemean.oracle.plans.hierarchical:hierarchical",
+    "centre-first": "truemean.oracle.plans.centre:centre_first",
+    "centre-and-grid": "truemean.oracle.plans.centre:centre_and_grid",
 }
 
 

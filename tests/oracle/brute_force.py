@@ -160,6 +160,13 @@ class Twin:
     def quadrants(self) -> tuple[Twin, ...]:
         return tuple(Twin(part, self._world) for part in self._pixel.quadrants())
 
+    def grid(self, n: int) -> tuple[Twin, ...]:
+        return tuple(Twin(part, self._world) for part in self._pixel.grid(n))
+
+    def at(self, x: Any, y: Any) -> Any:
+        self._world.cost += 1
+        return wrap(self._pixel.at(x, y))
+
     def from_(self, proposal: Any) -> Twin:
         return Twin(self._pixel, self._world, proposal if isinstance(proposal, Pixel) else Pixel(proposal))
 

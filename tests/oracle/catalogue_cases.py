@@ -33,12 +33,15 @@ PARAMS: dict[str, list[dict[str, Any]]] = {
     "fixed": [{}, {"n": 1}, {"n": 100}],
     "sequential": [{"most": 12}, {"start": 2, "step": 3, "most": 9, "eps": "1/5"}],
     "hierarchical": [{}, {"n": 2, "depth": 1}, {"n": 3, "depth": 3, "eps": "1/2"}],
+    "centre-first": [{}, {"n": 2}, {"n": 17}],
+    "centre-and-grid": [{}, {"grid": 1}, {"grid": 5}],
 }
+OF_A_SCENE = ("hierarchical", "centre-first", "centre-and-grid")
 
 
 def pixels_of(name: str) -> dict[str, Pixel]:
     """The pixels that a plan is tried on."""
-    if name == "hierarchical":
+    if name in OF_A_SCENE:
         return PLACED
     return FEW | PLACED if name == "sequential" else FEW | PLACED | MANY
 

@@ -196,6 +196,19 @@ def quadrants_of_a_quadrant(X):
 
 
 @table(PLACED)
+def one_draw_in_each_cell(X):
+    S = X.draw(2)
+    cells = X.grid(3) if (S.range() <= 0).all() else X.grid(2)
+    return sum(cell.area * cell.draw(1).mean() for cell in cells)
+
+
+@table(PLACED)
+def a_cell_of_a_quadrant(X):
+    Q = X.grid(2)
+    return sum(q.area * q.draw(2).mean() for q in Q[1:]) + sum(c.area * c.draw(1).mean() for c in Q[0].grid(3)) / 4
+
+
+@table(PLACED)
 def regions_of_a_scene(X):
     S = X.draw(2)
     if S.mean() > X.mean:

@@ -15,6 +15,8 @@ from tests.oracle.brute_numbers import Num
 
 from truemean.errors import InputError, UndefinedValue
 from truemean.oracle import Pixel, derive
+from truemean.oracle.plans import catalogue
+from truemean.oracle.scene import Scene, load_scene
 
 quiet = settings(deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 few, many = settings(quiet, max_examples=6), settings(quiet, max_examples=80)
@@ -143,7 +145,8 @@ class Quarters:
     def __init__(self, *parts):
         self.parts = parts
 
-    def quadrants(self):
+    def grid(self, n):
+        assert n == 2
         return tuple(part.with_area("1/4") for part in self.parts)
 
 
@@ -160,6 +163,35 @@ def test_a_recursion_over_quadrants_equals_its_twin(depth):
     corner = Pixel({0: "3/4", 1: "1/4"}, geometry=Quarters(black, white, black, black))
     whole = Pixel({0: "11/16", 1: "5/16"}, geometry=Quarters(corner, black, white, black))
     brute(hierarchical, whole, depth=depth).assert_equals(derive(hierarchical, whole, depth=depth))
+
+
+COLOURED = {
+    "schema": "truemean-scene/1",
+    "width": 2,
+    "height": 1,
+    "background": ["1/2", 0, 0],
+    "polygons": [
+        {"value": [1, "1/3", 0], "vertices": [["1/5", 0], [2, 0], [1, 1]]},
+        {"value": [0, 0, 1], "vertices": [[0, "2/5"], ["1/3", 0], [1, "1/7"], ["2/3", 1]]},
+    ],
+}
+SCENES = {"grey": load_scene("tile"), "coloured": Scene.from_dict(COLOURED)}
+
+
+@pytest.mark.parametrize(("scene", "place"), [("grey", (4, 2)), ("coloured", (0, 0)), ("coloured", (1, 0))])
+@pytest.mark.parametrize(
+    ("name", "params"),
+    [
+        ("centre-first", {"n": 1}),
+        ("centre-first", {"n": 4}),
+        ("centre-and-grid", {"grid": 1}),
+        ("centre-and-grid", {"grid": 2}),
+        ("centre-and-grid", {"grid": 3}),
+    ],
+)
+def test_a_plan_with_a_sample_at_the_centre_equals_its_twin(scene, place, name, params):
+    X = SCENES[scene].pixel(*place)
+    brute(catalogue[name], X, **params).assert_equals(derive(catalogue[name], X, **params))
 
 
 # -- the twin itself -------------------------------------------------------------------------------

@@ -19,12 +19,14 @@ from truemean.errors import (
 )
 from truemean.oracle import Pixel, derive, plan, simulate
 from truemean.oracle.plans import catalogue
+from truemean.oracle.scene import load_scene
 from truemean.oracle.simulate import PlanEstimator
 
 X2 = Pixel.two("1/8")
 X8 = Pixel(dict.fromkeys(range(8), "1/8"))
 RGB = Pixel({(0, 1): "1/2", (1, 0): "1/2"})
 PARTS = Pixel.from_regions({"left": ("1/4", X2), "right": ("3/4", Pixel.two("1/2"))})
+PLACED = load_scene("tile").pixel(4, 0)
 fixed, kirk_arvo, sequential = catalogue["fixed"], catalogue["kirk-arvo"], catalogue["sequential"]
 
 Row = tuple[Callable[[], Any], type[Exception], tuple[str, ...]]
@@ -62,12 +64,16 @@ PIXELS: dict[str, Row] = {
     "empty part": (lambda: X2.split(0), InputError, ("area=0", "strictly between 0 and 1")),
     "part larger than the whole": (lambda: X2.split("3/2"), InputError, ("area='3/2'", "between 0 and 1")),
     "quadrants of no scene": (X2.quadrants, NeedsScene, ("quadrants()", "scene file")),
+    "cells of no scene": (lambda: X2.grid(3), NeedsScene, ("grid()", "scene file")),
+    "no cells": (lambda: PLACED.grid(0), InputError, ("n=0", "at least 1")),
+    "half a cell": (lambda: PLACED.grid("1/2"), InputError, ("n=1/2", "an integer")),
     "position in no scene": (lambda: X2.at(0, 0), NeedsScene, ("at()", "scene file")),
 }
 
 PARAMETERS: dict[str, Row] = {
     "n < 1": (on(fixed, n=0), InputError, ("n=0", "at least 1")),
     "negative n": (on(fixed, n=-3), InputError, ("n=-3", "at least 1")),
+    "cells in a plan": (on(catalogue["centre-and-grid"], PLACED, grid=0), InputError, ("n=0", "at least 1")),
     "half a draw": (on(fixed, n="1/2"), InputError, ("n=1/2", "integer")),
     "NaN draws": (on(fixed, n=math.nan), InputError, ("n=nan", "finite")),
     "n in words": (on(fixed, n="four"), InputError, ("n='four'", "integer")),

@@ -7,7 +7,7 @@ from inspect import Parameter
 
 import numpy as np
 import pytest
-from tests.oracle.catalogue_cases import FEW, MANY, PARAMS, PLACED, cases, pixels_of
+from tests.oracle.catalogue_cases import FEW, MANY, OF_A_SCENE, PARAMS, PLACED, cases, pixels_of
 
 from truemean.errors import InputError, InputTypeError, NeedsScene, UnknownName
 from truemean.oracle import Approx, Pixel, derive
@@ -22,6 +22,8 @@ SIGNATURES = {
     "fixed": {"n": 4},
     "sequential": {"start": 4, "step": 1, "most": 64, "eps": "1/20"},
     "hierarchical": {"n": 4, "depth": 2, "eps": 0},
+    "centre-first": {"n": 4},
+    "centre-and-grid": {"grid": 3},
 }
 CASES = cases(lambda name, short, pixel: True)
 RESULTS = ("bias", "expectation", "variance", "mse", "cost", "oracle_calls")
@@ -64,7 +66,9 @@ def test_a_plan_called_unbiased_has_no_bias_anywhere(name, params, pixel):
     assert derivation.expectation == pixel.mean
 
 
-@pytest.mark.parametrize("name", [name for name in SIGNATURES if not catalogue[name].unbiased])
+@pytest.mark.parametrize(
+    "name", [name for name in SIGNATURES if not catalogue[name].unbiased and name not in OF_A_SCENE]
+)
 def test_a_plan_called_biased_is_biased_somewhere(name):
     biases = {short: derive(catalogue[name], X, **PARAMS[name][0]).bias for short, X in pixels_of(name).items()}
     assert biases["constant"] == 0
@@ -139,6 +143,36 @@ def test_a_hierarchy_of_depth_0_needs_no_scene_and_a_deeper_one_says_so():
         derive(plan, X)
 
 
+@pytest.mark.parametrize("X", load_scene("tile").pixels().values())
+@pytest.mark.parametrize(
+    ("name", "params", "samples"),
+    [
+        ("centre-first", {"n": 1}, 1),
+        ("centre-first", {"n": 4}, 4),
+        ("centre-and-grid", {}, 10),
+        ("centre-and-grid", {"grid": 2}, 5),
+    ],
+)
+def test_a_sample_at_the_centre_has_its_share_of_the_bias(name, params, samples, X):
+    derivation = derive(catalogue[name], X, **params)
+    assert derivation.bias == (X.at("1/2", "1/2") - X.mean) / samples
+    assert derivation.cost == samples
+
+
+def test_the_noise_around_the_centre_is_that_of_the_drawn_samples():
+    X = load_scene("tile").pixel(4, 0)
+    assert derive(catalogue["centre-first"], X).variance == X.variance * 3 / 16
+    cells = sum(cell.variance for cell in X.grid(3))
+    assert derive(catalogue["centre-and-grid"], X).variance == cells / 100
+    assert derive(catalogue["centre-first"], X, n=1).variance == 0
+
+
+@pytest.mark.parametrize("name", ["centre-first", "centre-and-grid"])
+def test_a_centre_needs_a_scene(name):
+    with pytest.raises(NeedsScene, match="needs a scene"):
+        derive(catalogue[name], Pixel.two("1/8"))
+
+
 # -- every number system agrees with every other ---------------------------------------------------
 
 
@@ -165,7 +199,7 @@ def test_floats_hold_a_relative_tolerance(name, params, pixel):
             assert abs(Fraction(approx.value) - number) <= abs(number) * Fraction(1e-12), result
 
 
-MOVABLE = cases(lambda name, short, pixel: name != "hierarchical" and not pixel.regions)
+MOVABLE = cases(lambda name, short, pixel: name not in OF_A_SCENE and not pixel.regions)
 
 
 def moved(pixel):

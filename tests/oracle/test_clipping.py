@@ -141,11 +141,11 @@ def test_a_concave_star_covers_the_sum_of_its_triangles(frame: Box, star: tuple[
 def test_nested_clipping_changes_nothing(frame: Box, outlines: list[list[Point]], path: list[int]) -> None:
     nested = window(frame, *outlines)
     for quadrant in path:
-        frame = frame.quadrants()[quadrant]
+        frame = frame.grid(2)[quadrant]
         nested = nested.clip(frame)
     assert nested.areas() == window(frame, *outlines).areas()
     assert sum(nested.areas().values()) == frame.area
-    quarters = [nested.clip(quarter).areas() for quarter in frame.quadrants()]
+    quarters = [nested.clip(quarter).areas() for quarter in frame.grid(2)]
     for layer in range(len(outlines) + 1):
         assert sum(quarter.get(layer, 0) for quarter in quarters) == nested.areas().get(layer, 0)
 

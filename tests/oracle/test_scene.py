@@ -99,6 +99,34 @@ def test_a_pixel_is_the_mixture_of_its_quadrants_at_every_depth(
     assert dict(whole.law) == dict(X.law)
 
 
+@given(st.lists(st.tuples(triangles, st.integers(0, 2)), max_size=3), st.integers(1, 5))
+def test_a_pixel_is_the_mixture_of_the_cells_of_every_grid(drawn: list[tuple[list[Point], int]], n: int) -> None:
+    polygons = [{"value": value, "vertices": [list(map(str, vertex)) for vertex in t]} for t, value in drawn]
+    X = Scene.from_dict(described(polygons=polygons)).pixel(1, 0)
+    cells = X.grid(n)
+    assert [cell.area for cell in cells] == [Fraction(1, n * n)] * n**2
+    mixed = Pixel.from_regions({f"{i}": (cell.area, cell) for i, cell in enumerate(cells)})
+    assert dict(mixed.law) == dict(X.law)
+    assert X.grid(n) == cells
+    assert X.grid(2) == X.quadrants()
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4])
+def test_the_cells_of_a_grid_come_row_by_row(n: int) -> None:
+    squares = [
+        {"value": 1 + i + n * j, "vertices": [[x, y], [x + side, y], [x + side, y + side], [x, y + side]]}
+        for side in [Fraction(1, n)]
+        for j in range(n)
+        for i in range(n)
+        for x, y in [(i * side, j * side)]
+    ]
+    X = Scene.from_dict(described(polygons=squares)).pixel(0, 0)
+    assert [cell.values for cell in X.grid(n)] == [(i,) for i in range(1, n * n + 1)]
+    fine = Scene.from_dict(described(polygons=squares)).pixel(0, 0).grid(2 * n)
+    nested = [part.mean for cell in X.grid(n) for part in cell.grid(2)]
+    assert sorted(cell.mean for cell in fine) == sorted(nested)
+
+
 @given(st.lists(triangles, max_size=3), st.integers(0, 15), st.integers(0, 15))
 def test_a_position_shows_the_same_value_in_a_pixel_and_in_its_quadrant(
     outlines: list[list[Point]], i: int, j: int
