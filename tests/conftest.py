@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import os
 import shutil
 import subprocess
@@ -14,6 +13,7 @@ import hypothesis
 import pytest
 
 import truemean
+from truemean.adapters import available
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("oracle", "conformance", "adapters")
@@ -30,11 +30,11 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def pytest_report_header() -> str:
-    """Which optional subjects this run can test."""
-    try:
-        return f"truemean {truemean.__version__}, raysect {importlib.metadata.version('raysect')}"
-    except importlib.metadata.PackageNotFoundError:
-        return f"truemean {truemean.__version__}, raysect missing (pip install 'truemean[raysect]')"
+    """Which optional subjects this run can test, and how to get the others."""
+    optional = [adapter for adapter in available() if adapter.how != "built in"]
+    there = [f"{adapter.name} {adapter.version}" for adapter in optional if adapter.version]
+    missing = [f"{adapter.name} ({adapter.how})" for adapter in optional if not adapter.version]
+    return f"truemean {truemean.__version__}, with {', '.join(there) or 'no renderer'}; missing: {', '.join(missing) or 'none'}"
 
 
 @pytest.fixture(scope="session")

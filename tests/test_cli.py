@@ -154,7 +154,7 @@ def built(monkeypatch):
     """What the report is asked to build, in place of building it."""
     asked = {}
 
-    def build(out, subjects, *, command, seed, skipped, progress, pages):
+    def build(out, subjects, *, command, seed, skipped, progress, pages, about):
         progress("half way", 0.5)
         asked.update(subjects={name: text for name, (text, _) in subjects.items()}, seed=seed, skipped=dict(skipped))
         asked.update(pages=pages)

@@ -131,7 +131,7 @@ def directory(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", ["README.md", "docs/verdicts.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/verdicts.md", "docs/protocol.md"])
 def test_the_page_does_as_it_shows(page, directory):
     run_readme((ROOT / page).read_text(encoding="utf-8"), directory)
 

@@ -67,11 +67,12 @@ def build(
     skipped: Mapping[str, str],
     progress: Progress | None = None,
     pages: verdicts.Pages | None = None,
+    about: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """Write report.html, report.json and report.md into the directory ``out``; returns what report.json holds.
 
     ``subjects`` is what to judge by name: SUBJECT as it is typed, and the estimator; ``pages`` what was judged already,
-    by renderer and name, for a page each beside; ``skipped`` what was not run, with the line that installs it;
+    by renderer and name, for a page each beside, that begins with what ``about`` says; ``skipped`` what was not run, with the line that installs it;
     ``command`` and ``seed`` are how to replay; ``progress(text, fraction)`` is called often.
     """
     start = time.monotonic()
@@ -103,7 +104,7 @@ def build(
     )
     _write(Path(out), document, data)
     for page, found in (pages or {}).items():
-        _write_page(Path(out), page, found, data)
+        _write_page(Path(out), page, found, data, (about or {}).get(page, ""))
     tell("done", 1.0)
     return data
 
@@ -121,19 +122,24 @@ def _outcome(reports: Mapping[str, Report], pages: verdicts.Pages) -> dict[str, 
     }
 
 
-def _write_page(out: Path, page: str, found: Mapping[str, Report], data: Mapping[str, Any]) -> None:
+def _write_page(out: Path, page: str, found: Mapping[str, Report], data: Mapping[str, Any], about: str) -> None:
     """The page of one renderer."""
     notes = tuple(dict.fromkeys(note for report in found.values() for note in report.notes[2:]))
     own = dict(data) | _outcome({}, {page: found}) | {"skipped": {}}
     sections = (
-        *([Section("notes", "What to know", notes)] if notes else []),
         verdicts.section(found, TOLERANCE),
+        Section("about", "How it decides, and what was found", (*_paragraphs(about), *notes)),
         _replay(own),
     )
     chips = tuple(own["verdicts"].items())
     document = Document(f"truemean: {page}", verdicts.headline({}, TOLERANCE, {page: found}), chips, sections, "")
     for suffix, content in (("html", document.html()), ("md", document.markdown())):
         (out / f"{page}.{suffix}").write_text(content, encoding="utf-8")
+
+
+def _paragraphs(text: str) -> tuple[str, ...]:
+    """The paragraphs of a docstring, without its marks."""
+    return tuple(" ".join(part.split()).replace("``", "") for part in text.split("\n\n") if part.strip())
 
 
 def _write(out: Path, document: Document, data: Mapping[str, Any]) -> None:

@@ -208,7 +208,7 @@ def report(
     """
     from truemean.adapters import load
     from truemean.output import command_line, console, replaced, working
-    from truemean.reporting import CODE, chosen, judged
+    from truemean.reporting import CODE, about, chosen, judged
 
     with replaced(out, "report.json") as directory, working("starting") as show:
         from truemean.conformance.report import build
@@ -223,6 +223,7 @@ def report(
             skipped=skipped,
             progress=lambda text, done: show(f"{done:4.0%} {text}"),
             pages=pages,
+            about={page: about(page) for page in pages},
         )
     lines = [f"{name} skipped: {why}" for name, why in skipped.items()]
     lines.append(f"written: {out / 'report.html'}, report.md and report.json beside it{_beside(pages)}")

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
+from dataclasses import replace
+from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,9 +15,9 @@ from truemean.errors import MissingExtra, UnknownName
 if TYPE_CHECKING:
     from truemean.conformance import Report
 
-__all__ = ["CODE", "RENDERERS", "Bench", "Entry", "chosen", "judged"]
+__all__ = ["CODE", "RENDERERS", "Bench", "Entry", "about", "chosen", "judged"]
 
-HOUR = 3600.0
+HOUR, LOOKED = 3600.0, 16
 CODE = MappingProxyType(
     {
         "Fig. 1 in NumPy": "python:truemean.adapters.reference:KirkArvo",
@@ -70,19 +72,19 @@ RENDERERS: Mapping[str, tuple[int, Mapping[str, str]]] = MappingProxyType(
             },
         ),
         "vegas": (
-            3_000,
+            2_000,
             {
-                "vegas": "vegas?nitn=5&neval=100",
-                "vegas, plain mean of its iterations": "vegas?nitn=5&neval=100&weighted=0",
+                "vegas, 5 times 20 points": "vegas?nitn=5&neval=20",
+                "vegas, 5 times 100 points, plain mean": "vegas?nitn=5&neval=100&weighted=0",
                 "vegas, neither adaptive nor stratified": "vegas?nitn=2&neval=20&alpha=0&beta=0&nstrat=1,1",
             },
         ),
         "gsl": (
-            3_000,
+            2_000,
             {
                 "GSL PLAIN": "gsl?method=plain&calls=500",
                 "GSL MISER": "gsl?method=miser&calls=2000",
-                "GSL VEGAS": "gsl?method=vegas&calls=500",
+                "GSL VEGAS": "gsl?method=vegas&calls=1250",
             },
         ),
     }
@@ -123,15 +125,28 @@ def chosen(renderers: str) -> tuple[list[Entry], dict[str, str]]:
     return entries, skipped
 
 
+def about(page: str) -> str:
+    """How a renderer decides, what is declared for it and what was found: the text of its adapter."""
+    from truemean.adapters.registry import ADAPTERS
+
+    return import_module(ADAPTERS[page].factory.partition(":")[0]).__doc__ or ""
+
+
 class Bench:
     """What judges in a process of its own."""
 
     def judge(self, subject: str, budget: int, seed: int) -> Report:
         """The judgement of a SUBJECT at the tolerance of the report."""
         from truemean.adapters import load
+        from truemean.conformance import check_subject
         from truemean.conformance.report import TOLERANCE, judge_one
 
-        return judge_one(subject, load(subject), TOLERANCE, seed, budget)
+        estimator = load(subject)
+        checks = check_subject(estimator, replicates=LOOKED, strict=False)
+        broken = [f"{subject}: {check.promise}: NO, {check.seen}" for check in checks if check.kept is False]
+        report = judge_one(subject, estimator, TOLERANCE, seed, budget)
+        kept = "looked at first: seeds act as they should, and pixels of one value have it, in every configuration"
+        return replace(report, notes=(*report.notes, *(broken or [kept])))
 
 
 def judged(entries: list[Entry], seed: int, jobs: int, tell: Callable[[str], None]) -> dict[str, dict[str, Report]]:

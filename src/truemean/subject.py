@@ -50,7 +50,9 @@ class Estimator(Protocol):
     so many and no more, its seeds being 0 to replicates - 1; ``exact(pixel)``, the `Exact` law of the code itself,
     TooManyPaths where that is too much; ``notes``, sentences for the report; ``pixels()``
     a mapping of the pixels it brings; ``run_many(pixels, seeds) -> [seeds, pixels(, channels)]``
-    for one render of many pixels; ``versions`` a mapping for the report.
+    for one render of many pixels; ``sums(pixels, seeds) -> (counts, means, mean_squares)``, each of that shape, where a seed
+    stands for many replicates of its own whose single values are gone (a bound from above is a mean square too), `run`
+    then giving their means; ``versions`` a mapping for the report.
     Raising `truemean.errors.Unsupported` skips a pixel.
     """
 
