@@ -39,7 +39,7 @@ class Child:
 
     def __init__(self, command: Sequence[str], timeout: float, total: float | None = None) -> None:
         self.command, self.timeout, self.total, self.left = list(command), timeout, total, total
-        self.starts = 0
+        self.starts, self.interrupted = 0, False
         self._process: subprocess.Popen[bytes] | None = None
         self._tail = bytearray()
         self._kill: Callable[[], Any] = lambda: None
@@ -50,7 +50,9 @@ class Child:
         return self._process is not None
 
     def start(self) -> None:
-        """Start it; InputError where there is no such program."""
+        """Start it; InputError where there is no such program, SubjectError while it is interrupted."""
+        if self.interrupted:
+            raise SubjectError("is interrupted")
         try:
             process = subprocess.Popen(  # noqa: S603 - the reader's own command, without a shell
                 self.command,
@@ -73,6 +75,18 @@ class Child:
         """End it, with everything that it has started."""
         self._kill()
         self._process = None
+
+    def interrupt(self) -> None:
+        """From another thread: end what it does, and start it no more until `resume` is called."""
+        self.interrupted, process = True, self._process
+        if process is not None:
+            _signal(process)
+
+    def resume(self) -> None:
+        """After an interrupt: let it be started again."""
+        if self.interrupted:
+            self.stop()
+            self.interrupted = False
 
     def ask(self, message: bytes, whole: Callable[[bytearray], bool], limit: int, timeout: float = 0.0) -> bytearray:
         """Send ``message`` and read until the answer is ``whole``, ``limit`` bytes at most.
@@ -231,9 +245,13 @@ def _enlarge(stream: Any) -> None:
         fcntl.fcntl(stream.fileno(), fcntl.F_SETPIPE_SZ, PIPE)
 
 
-def _kill(process: subprocess.Popen[bytes]) -> None:
+def _signal(process: subprocess.Popen[bytes]) -> None:
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    _signal(process)
     process.wait()
     for stream in (process.stdin, process.stdout, process.stderr):
         if stream is not None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -27,7 +27,8 @@ __all__ = ["HEADER", "AskingFunction", "Library", "SeededFunction", "load_librar
 
 Floats = NDArray[np.float64]
 HEADER = Path(__file__).parent / "c" / "truemean.h"
-UNSUPPORTED, CHUNK, MOST_VALUES = 1, 1 << 15, 63  # a key of the compiled loop has a bit a value at least
+UNSUPPORTED = 1
+CHUNK, AGAIN, MOST_VALUES = 1 << 15, 1 << 12, 63  # of the compiled loop, whose keys have a bit a value at least
 
 FORMS = {"None": None, "0": False, "1": True, "False": False, "True": True}  # what asks= may be
 
@@ -201,7 +202,8 @@ class AskingFunction:
         status = self.function(given.pointer, self._pointer, given.estimate)
         if self._failure is not None:
             raise self._failure
-        _check_status(status)
+        if status:
+            _check_status(status)
         return tuple(given.estimate) if given.coloured else given.estimate[0]
 
     def _draw(self, _source: Any) -> int:
@@ -272,46 +274,73 @@ class _Loop:
         self.paths += ran
         return np.column_stack([keys[:ran], estimates[:ran].view(np.uint64)])
 
-    def counts(self, key: int) -> list[int]:
-        """How many samples of each value a key stands for."""
-        return [key >> (self.bits * i) & ((1 << self.bits) - 1) for i in range(len(self._stride))]
+    def counts(self, keys: NDArray[np.uint64]) -> list[list[int]]:
+        """How many samples of each value the keys stand for, ``[keys, values]``."""
+        shifts = np.arange(len(self._stride), dtype=np.uint64) * np.uint64(self.bits)
+        found: list[list[int]] = ((keys[:, None] >> shifts) & np.uint64((1 << self.bits) - 1)).tolist()
+        return found
 
 
 def _walked(function: Any, pixel: PlainPixel, budget: int) -> Exact | None:
     """The law by the compiled loop; None where it can't tell, and our own has to say why."""
     if len(pixel.weights) > MOST_VALUES:
         return None
-    loop, found = _Loop(function, pixel), Counter[tuple[int, ...]]()
+    loop, found = _Loop(function, pixel), _Tally()
     while not loop.ended:
         if loop.paths >= budget:
             raise TooManyPaths(f"more than paths={budget} runs would be needed")
-        # A chunk of paths; those of equal counts and estimate are one.
         first, rows = not loop.paths, loop.run(min(CHUNK, budget - loop.paths))
         if rows is None:
             return None
-        again = _Loop(function, pixel).run(len(rows)) if first else rows
-        if again is None or not np.array_equal(again, rows):
+        again = _Loop(function, pixel).run(min(len(rows), AGAIN)) if first else rows[:0]
+        if again is None or not np.array_equal(again, rows[: len(again)]):
             raise SubjectError(
                 "returned different estimates for the same samples: let it depend on nothing but its answers"
             )
-        for row, times in _counted(rows):
-            found[row] += times
-    # Each is as probable as the product of the weights of its samples.
-    odds, coloured = odds_of(pixel.weights), isinstance(pixel.values[0], tuple)
-    law, spent = Counter[tuple[Any, int]](), Counter[int]()
-    for (key, *estimate_bits), times in found.items():
-        counts = loop.counts(key)
-        mass = times * math.prod(map(pow, odds.masses, counts))
-        numbers = np.array(estimate_bits, dtype=np.uint64).view(np.float64).tolist()
-        total = odds.total ** sum(counts)
-        law[tuple(numbers) if coloured else numbers[0], total] += mass
-        spent[total] += mass * sum(counts)
-    return exact_law(law, spent, loop.paths)
+        found.add(rows)
+    return _weighed(loop, found, pixel)
 
 
-def _counted(rows: NDArray[np.uint64]) -> Iterator[tuple[tuple[int, ...], int]]:
-    """Distinct rows, with how often each occurs."""
-    ordered = rows[np.lexsort(rows.T)]
+class _Tally:
+    """Distinct rows, with how often each occurs: paths of equal counts and estimate are one."""
+
+    def __init__(self) -> None:
+        self._parts: list[tuple[NDArray[np.uint64], NDArray[np.int64]]] = []
+        self._enough = 8 * CHUNK
+
+    def add(self, rows: NDArray[np.uint64]) -> None:
+        """Each of these rows once more."""
+        self._parts.append(_distinct(rows, np.ones(len(rows), dtype=np.int64)))
+        if sum(len(part) for part, _ in self._parts) > self._enough:
+            self._enough = 8 * CHUNK + 2 * len(self.rows()[0])
+
+    def rows(self) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
+        """The distinct rows, and how often each occurs."""
+        rows, times = zip(*self._parts, strict=True)
+        self._parts = [_distinct(np.concatenate(rows), np.concatenate(times))]
+        return self._parts[0]
+
+
+def _distinct(rows: NDArray[np.uint64], times: NDArray[np.int64]) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
+    order = np.lexsort(rows.T)
+    ordered = rows[order]
     starts = np.flatnonzero(np.r_[True, (ordered[1:] != ordered[:-1]).any(axis=1)])
-    for row, times in zip(ordered[starts].tolist(), np.diff(np.r_[starts, len(rows)]).tolist(), strict=True):
-        yield tuple(row), times
+    return ordered[starts], np.add.reduceat(times[order], starts)
+
+
+def _weighed(loop: _Loop, found: _Tally, pixel: PlainPixel) -> Exact:
+    """The exact law: each path is as probable as the product of the weights of its samples."""
+    rows, times = found.rows()
+    odds, counts = odds_of(pixel.weights), loop.counts(rows[:, 0])
+    numbers = np.ascontiguousarray(rows[:, 1:]).view(np.float64)
+    estimates = list(map(tuple, numbers.tolist())) if isinstance(pixel.values[0], tuple) else numbers[:, 0].tolist()
+    most = max(map(sum, counts))
+    powers = [[mass**drawn for drawn in range(most + 1)] for mass in odds.masses]
+    totals = [odds.total**drawn for drawn in range(most + 1)]
+    law, spent = Counter[tuple[Any, int]](), Counter[int]()
+    for drawn, estimate, number in zip(counts, estimates, times.tolist(), strict=True):
+        samples = sum(drawn)
+        mass = number * math.prod([power[n] for power, n in zip(powers, drawn, strict=True) if n])
+        law[estimate, totals[samples]] += mass
+        spent[totals[samples]] += mass * samples
+    return exact_law(law, spent, loop.paths)
