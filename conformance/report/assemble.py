@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import json
-import time
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -75,7 +74,7 @@ def build(
     by renderer and name, for a page each beside, that begins with what ``about`` says; ``skipped`` what was not run, with the line that installs it;
     ``command`` and ``seed`` are how to replay; ``progress(text, fraction)`` is called often.
     """
-    start = time.monotonic()
+    # What is computed, and what is run.
     tell = _rising(progress or (lambda text, fraction: None))
     total = sum(seconds for _, _, seconds in CHAPTERS) + JUDGING * len(subjects) + WRITING
     done, sections = 0.0, []
@@ -85,6 +84,7 @@ def build(
         done += seconds
     reports = verdicts.judge_all(subjects, TOLERANCE, seed, lambda text, n: tell(text, (done + JUDGING * n) / total))
     tell("writing the files", 1 - WRITING / total)
+    # What was found, as data.
     data: dict[str, Any] = {
         "schema": SCHEMA,
         **_outcome(reports, pages or {}),
@@ -98,7 +98,8 @@ def build(
     data["pages"] = {
         page: {name: report.to_json() for name, report in found.items()} for page, found in (pages or {}).items()
     }
-    made = f"Made on {datetime.now(UTC):%Y-%m-%d} in {time.monotonic() - start:.0f} s."
+    # The pages.
+    made = f"Made on {datetime.now(UTC):%Y-%m-%d}."
     document = Document(
         "truemean: the reference report", data["headline"], tuple(data["verdicts"].items()), tuple(sections), made
     )

@@ -11,24 +11,17 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from tests.adapters.scenes import ARROW, STRIP, WEDGE, assert_means, scene
 
 from truemean.adapters import load
 from truemean.errors import InputError, MissingExtra, SubjectError, UnknownName, Unsupported
 from truemean.oracle.derivation import derive
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.plans import catalogue
-from truemean.oracle.scene import Scene
 
 bpy = pytest.importorskip("bpy", reason="needs the extra: pip install 'truemean[cycles]' under Python 3.13")
 SEEDS = np.arange(2000)
 SIDES = [Fraction(side, 8) for side in (1, 2, 4, 7)]
-
-
-def scene(width, height, *polygons, background=0):
-    layers = [{"value": value, "vertices": vertices} for value, vertices in polygons]
-    return Scene.from_dict(
-        {"schema": "truemean-scene/1", "width": width, "height": height, "background": background, "polygons": layers}
-    )
 
 
 def rectangle(left, top, right, bottom):
@@ -45,11 +38,6 @@ def cycles(scene, **options):
     from truemean.adapters.cycles import Cycles
 
     return Cycles(scene, **options)
-
-
-def assert_means(estimates, expected):
-    error = estimates.std(axis=0) / np.sqrt(len(estimates))
-    assert (np.abs(estimates.mean(axis=0) - np.array(expected, dtype=float)) <= 4.5 * error + 1e-6).all()
 
 
 def z_scores(estimates, expected):
@@ -250,10 +238,7 @@ def test_a_threshold_that_is_looked_at_too_late_changes_nothing():
 @pytest.mark.parametrize("options", [{}, {"adaptive_threshold": 1}])
 def test_any_scene_is_rendered_as_the_oracle_covers_it(options):
     """Grey background, concave and overlapping polygons of both orientations, reaching out of the image."""
-    arrow = [["1/4", "1/4"], ["11/4", 1], ["1/4", "7/4"], ["5/4", 1]]
-    strip = [["3/2", "-1/2"], ["5/3", "5/2"], [2, "5/2"]]
-    wedge = [[1, "1/2"], ["5/2", 1], [1, 2]]
-    shown = scene(3, 2, ("0.3", arrow), (2, strip), (0, wedge), background="1/8")
+    shown = scene(3, 2, ("0.3", ARROW), (2, STRIP), (0, WEDGE), background="1/8")
     subject = cycles(shown, samples=16, sample_offset=1, **options)
     names, pixels = zip(*subject.pixels().items(), strict=True)
     assert names[0] == "scene#0,0"

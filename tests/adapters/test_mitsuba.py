@@ -10,6 +10,7 @@ import sys
 
 import numpy as np
 import pytest
+from tests.adapters.scenes import ARROW, STRIP, WEDGE, assert_means, scene
 
 from truemean.adapters import load
 from truemean.adapters.mitsuba import Streams, triangles
@@ -17,21 +18,10 @@ from truemean.errors import InputError, MissingExtra, UnknownName, Unsupported
 from truemean.oracle import derive
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.plans import catalogue
-from truemean.oracle.scene import Scene
 
 mi = pytest.importorskip("mitsuba", reason="needs the extra: pip install 'truemean[mitsuba]'")
 POOLED = "mitsuba?pilot=4&sample_count=12"
 RED, TEAL, DARK = [1, 0, 0], [0, "1/2", "3/4"], ["1/8", "1/8", 0]
-ARROW = [["1/4", "1/4"], ["11/4", 1], ["1/4", "7/4"], ["5/4", 1]]
-STRIP = [["3/2", "-1/2"], ["5/3", "5/2"], [2, "5/2"]]
-WEDGE = [[1, "1/2"], ["5/2", 1], [1, 2]]
-
-
-def scene(width, height, *polygons, background=0):
-    layers = [{"value": value, "vertices": vertices} for value, vertices in polygons]
-    return Scene.from_dict(
-        {"schema": "truemean-scene/1", "width": width, "height": height, "background": background, "polygons": layers}
-    )
 
 
 def mitsuba(scene, **options):
@@ -47,11 +37,6 @@ def grey(**options):
 
 def colour(**options):
     return mitsuba(scene(3, 2, (RED, ARROW), (TEAL, STRIP), ([0, 0, 0], WEDGE), background=DARK), **options)
-
-
-def assert_means(estimates, expected):
-    error = estimates.std(axis=0) / np.sqrt(len(estimates))
-    assert (np.abs(estimates.mean(axis=0) - np.array(expected, dtype=float)) <= 4.5 * error + 1e-6).all()
 
 
 def assert_as_declared(subject, seeds):

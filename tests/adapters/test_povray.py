@@ -10,6 +10,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from tests.adapters.scenes import ARROW, STRIP, WEDGE, scene
 
 from truemean.adapters import load
 from truemean.adapters.povray import Povray, installed, read_ppm
@@ -19,20 +20,10 @@ from truemean.errors import InputError, MissingExtra, SubjectError, UnknownName,
 from truemean.oracle import derive
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.plans import catalogue
-from truemean.oracle.scene import Scene, load_scene
+from truemean.oracle.scene import load_scene
 
 pytestmark = pytest.mark.skipif(installed() is None, reason="needs povray: apt-get install povray")
 ROUNDING = 8e-6
-ARROW = [["1/4", "1/4"], ["11/4", 1], ["1/4", "7/4"], ["5/4", 1]]
-STRIP = [["3/2", "-1/2"], ["5/3", "5/2"], [2, "5/2"]]
-WEDGE = [[1, "1/2"], ["5/2", 1], [1, 2]]
-
-
-def scene(width, height, *polygons, background=0):
-    layers = [{"value": value, "vertices": vertices} for value, vertices in polygons]
-    return Scene.from_dict(
-        {"schema": "truemean-scene/1", "width": width, "height": height, "background": background, "polygons": layers}
-    )
 
 
 GREY = scene(3, 2, ("0.3", ARROW), (1, STRIP), (0, WEDGE), background="1/8")

@@ -10,33 +10,21 @@ import random
 
 import numpy as np
 import pytest
+from tests.adapters.scenes import ARROW, STRIP, WEDGE, assert_means, scene
 
 from truemean.adapters import load
 from truemean.conformance import check_subject
 from truemean.errors import InputError, SubjectError, UnknownName, Unsupported
 from truemean.oracle.pixel import Pixel
-from truemean.oracle.scene import Scene
 
 pytest.importorskip("raysect", reason="needs the extra: pip install 'truemean[raysect]'")
 ADAPTIVE = "raysect?min_samples=4&cutoff=0&ratio=1e9&fraction=1"
-
-
-def scene(width, height, *polygons, background=0):
-    layers = [{"value": value, "vertices": vertices} for value, vertices in polygons]
-    return Scene.from_dict(
-        {"schema": "truemean-scene/1", "width": width, "height": height, "background": background, "polygons": layers}
-    )
 
 
 def raysect(scene, **options):
     from truemean.adapters.raysect import Raysect
 
     return Raysect(scene, **options)
-
-
-def assert_means(estimates, expected):
-    error = estimates.std(axis=0) / np.sqrt(len(estimates))
-    assert (np.abs(estimates.mean(axis=0) - np.array(expected, dtype=float)) <= 4.5 * error + 1e-9).all()
 
 
 @pytest.fixture(scope="module", params=["raysect", ADAPTIVE])
@@ -119,10 +107,7 @@ def test_declares_nothing_where_no_pixel_is_constant_or_values_are_grey():
 
 def test_any_scene_is_rendered_as_the_oracle_covers_it():
     """Grey background, concave and overlapping polygons of both orientations, reaching out of the image."""
-    arrow = [["1/4", "1/4"], ["11/4", 1], ["1/4", "7/4"], ["5/4", 1]]
-    strip = [["3/2", "-1/2"], ["5/3", "5/2"], [2, "5/2"]]
-    wedge = [[1, "1/2"], ["5/2", 1], [1, 2]]
-    subject = raysect(scene(3, 2, ("0.3", arrow), (2, strip), (0, wedge), background="1/8"), passes=4)
+    subject = raysect(scene(3, 2, ("0.3", ARROW), (2, STRIP), (0, WEDGE), background="1/8"), passes=4)
     names, pixels = zip(*subject.pixels().items(), strict=True)
     assert names[0] == "scene#0,0"
     assert max(len(X.values) for X in pixels) == 4

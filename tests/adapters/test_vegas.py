@@ -11,25 +11,15 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from tests.adapters.scenes import ARROW, STRIP, WEDGE, scene
 
 from truemean.adapters import load
 from truemean.conformance import Verdict, judge
 from truemean.errors import InputError, UnknownName, Unsupported
 from truemean.oracle.pixel import Pixel
-from truemean.oracle.scene import Scene
 
 pytest.importorskip("vegas", reason="needs the extra: pip install 'truemean[vegas]'")
 INDEPENDENT = "vegas?alpha=0&nstrat=1,1&nitn=3&neval=8"
-ARROW = [["1/4", "1/4"], ["11/4", 1], ["1/4", "7/4"], ["5/4", 1]]
-STRIP = [["3/2", "-1/2"], ["5/3", "5/2"], [2, "5/2"]]
-WEDGE = [[1, "1/2"], ["5/2", 1], [1, 2]]
-
-
-def scene(width, height, *polygons, background=0):
-    layers = [{"value": value, "vertices": vertices} for value, vertices in polygons]
-    return Scene.from_dict(
-        {"schema": "truemean-scene/1", "width": width, "height": height, "background": background, "polygons": layers}
-    )
 
 
 def vegas(scene, **options):
