@@ -44,7 +44,7 @@ def load(subject: str, *, jobs: int = 0, timeout: float = 600) -> Any:
     known = adapters()
     if scheme not in known:
         raise UnknownName("adapter", scheme, known)
-    factory = resolve(known[scheme].factory)
+    factory = _factory(scheme, known[scheme])
     arguments = (rest,) if rest else ()
     check_call(f"adapter {scheme}", factory, arguments, options)
     try:
@@ -56,6 +56,15 @@ def load(subject: str, *, jobs: int = 0, timeout: float = 600) -> Any:
     if not (isinstance(jobs, int) and jobs >= 0):
         raise InputError(f"jobs={jobs!r} is no number of processes: give a whole number from 0 up")
     return Crew(subject, estimator, jobs, timeout) if jobs else estimator
+
+
+def _factory(scheme: str, adapter: Adapter) -> Any:
+    try:
+        return resolve(adapter.factory)
+    except (ImportError, AttributeError) as error:
+        raise InputError(
+            f"adapter {scheme}, {adapter.factory} of {adapter.help}, can't be imported: {error}; install it again"
+        ) from error
 
 
 def available() -> list[Available]:

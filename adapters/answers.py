@@ -12,7 +12,7 @@ from functools import cached_property, lru_cache
 from random import Random
 from typing import Any
 
-from truemean.errors import SubjectError, TooManyPaths
+from truemean.errors import SubjectError, TooManyPaths, TruemeanError
 from truemean.subject import PixelLike
 
 __all__ = ["LONGEST", "SPOTS", "Another", "Answers", "Chance", "Odds", "check_again", "odds_of"]
@@ -68,11 +68,13 @@ class Another(SubjectError):
 class Answers:
     """One run after the other: ``given`` are the answers, by place among the alternatives ``asked``.
 
-    ``used`` counts those of the run so far; ``blocks`` are start and length of the samples asked for at once.
+    ``used`` counts those of the run so far; ``blocks`` are start and length of the samples asked for at once;
+    ``refusal`` is the error that ended the run, even if the code caught it.
     """
 
     def __init__(self, draws: Odds) -> None:
         self.draws = draws
+        self.refusal: TruemeanError | None = None
         self.given: list[int] = []
         self.asked: list[Odds] = []
         self.blocks: list[tuple[int, int]] = []
@@ -80,7 +82,7 @@ class Answers:
 
     def start(self) -> None:
         """The code is run again, from its first question."""
-        self.used = 0
+        self.used, self.refusal = 0, None
         self.blocks.clear()
 
     def one(self) -> int:
@@ -126,15 +128,21 @@ class Answers:
 
     def _new(self, odds: Odds) -> None:
         if len(self.given) >= LONGEST:
-            raise TooManyPaths(f"it asks for more than {LONGEST} samples on one path")
+            raise self._refuse(TooManyPaths(f"it asks for more than {LONGEST} samples on one path"))
         self.given.append(0)
         self.asked.append(odds)
 
-    def _another(self) -> Another:
-        return Another(
-            f"asks for something else as its answer {self.used + 1} than before, after the same answers: "
-            "let it depend on nothing but its answers"
+    def _another(self) -> TruemeanError:
+        return self._refuse(
+            Another(
+                f"asks for something else as its answer {self.used + 1} than before, after the same answers: "
+                "let it depend on nothing but its answers"
+            )
         )
+
+    def _refuse(self, error: TruemeanError) -> TruemeanError:
+        self.refusal = error
+        return error
 
     @property
     def cost(self) -> int:
@@ -161,7 +169,7 @@ class Chance(Answers):
 
     def _new(self, odds: Odds) -> None:
         if len(self.given) >= ENDLESS:
-            raise SubjectError(f"asks for more than {ENDLESS} samples for one replicate: let it end")
+            raise self._refuse(SubjectError(f"asks for more than {ENDLESS} samples for one replicate: let it end"))
         self.given.append(min(bisect_right(odds.cumulative, self._random()), len(odds.places) - 1))
         self.asked.append(odds)
 

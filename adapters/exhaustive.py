@@ -26,6 +26,7 @@ __all__ = ["ORDERS", "Asking", "Draw", "Replay", "by_sequences", "exact_law", "r
 
 Floats = NDArray[np.float64]
 ORDERS = ("sequence", "blocks", "all")
+LENGTH = 32  # samples on a path on average, beyond which paths are run for as long as so many of these
 Replay = Callable[[PixelLike, Answers], Any]
 
 
@@ -80,7 +81,11 @@ class Asking:
         except TruemeanError:
             raise
         except (Exception, SystemExit) as crash:
+            if answers.refusal is not None:
+                raise answers.refusal from crash
             raise SubjectError(f"crashed with {raised(crash)} {answers.told(pixel)}") from crash
+        if answers.refusal is not None:
+            raise answers.refusal
         if type(estimate) is float and math.isfinite(estimate) and not isinstance(pixel.values[0], tuple):
             return estimate
         return _read_estimate(estimate, pixel, answers)
@@ -114,11 +119,12 @@ def by_sequences(run: Callable[[Answers], Any], answers: Answers, budget: int) -
     masses, totals = [1], [1]  # of the answers up to each
     law: dict[tuple[Any, int], int] = {}
     spent: dict[int, int] = {}
-    paths, least = 0, 1
+    paths, samples, least = 0, 0, 1
     while True:
         # Run this path; answers that are new are first alternatives.
         estimate = run(answers)
         paths += 1
+        samples += answers.used
         if answers.used < len(given):
             raise SubjectError(
                 f"asked for {answers.used} samples where it asked for {len(given)} before: use no others"
@@ -128,6 +134,8 @@ def by_sequences(run: Callable[[Answers], Any], answers: Answers, budget: int) -
             check_again(run, answers, estimate, max(1, SPOTS // paths))
         if max(paths, least) > budget:
             raise TooManyPaths(f"more than paths={budget} runs would be needed")
+        if samples > LENGTH * budget:
+            raise TooManyPaths(f"more than {LENGTH} samples a path would be needed for each of paths={budget} runs")
         # Count it.
         for odds, place in zip(asked[len(masses) - 1 :], given[len(masses) - 1 :], strict=True):
             masses.append(masses[-1] * odds.masses[place])
@@ -163,13 +171,14 @@ class Draw:
 
     def __init__(self, pixel: PixelLike) -> None:
         self._values = pixel.arrays()[0]
-        self._listed = self._values.tolist() if self._values.ndim == 1 else list(self._values)
+        self._numbers = self._values.tolist() if self._values.ndim == 1 else None
         self.answers = Answers(odds_of(pixel.weights))
 
     def __call__(self, count: int | None = None) -> Any:
-        if count is None:
-            return self._listed[self.answers.one()]
-        return self._values[self.answers.draw(count)]
+        if count is not None:
+            return self._values[self.answers.draw(count)]
+        place = self.answers.one()
+        return self._values[place].copy() if self._numbers is None else self._numbers[place]
 
     def pick(self, weights: Sequence[Any]) -> int:
         """0, 1, ... with these probabilities: ints, Fractions, decimal strings, or floats at their exact value."""

@@ -22,7 +22,8 @@ __all__ = ["Host", "main"]
 
 HEAD = struct.Struct("<Q")
 MOST = 1 << 40  # bytes of an answer
-START = "import sys; sys.path[:] = {path!r}; from truemean.adapters.host import main; main()"
+# The paths of this process come last: what it has imported may have put some in front, as Blender does.
+START = "import sys; sys.path += [p for p in {path!r} if p not in sys.path]; from truemean.adapters.host import main; main()"
 
 
 class Host:
@@ -33,7 +34,7 @@ class Host:
 
     def __init__(self, factory: str, arguments: tuple[Any, ...], timeout: float, total: float | None = None) -> None:
         self.made = pickle.dumps((factory, arguments))
-        self.child = Child([sys.executable, "-c", START.format(path=sys.path)], timeout, total)
+        self.child = Child([sys.executable, "-P", "-c", START.format(path=sys.path)], timeout, total)
 
     def call(self, method: str, *arguments: Any, timeout: float = 0.0) -> Any:
         """What the method returns or raises; ChildEnded or ChildHung where the process dies of it."""

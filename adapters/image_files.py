@@ -2,8 +2,8 @@
 
 EXR, PFM and NPY files of floats hold intensities. PNG, PPM, PGM and NPY files of uint8 or uint16 hold codes from 0 to
 the largest, which a transfer function turns into intensities in [0, 1]; the file does not tell which one. An NPZ file
-has the arrays ``sum`` and ``squares`` ``[h, w]`` or ``[h, w, c]``, of the samples or frames of one render and of their
-squares, and ``count``, a number or ``[h, w]``: its image is ``sum / count``.
+has the arrays ``sum`` and ``squares`` ``[h, w]`` or ``[h, w, c]``, and ``count``: its image is ``sum / count``. A ``count`` that
+is one number is of whole frames, renders with a seed each; one of ``[h, w]`` is of the samples of a single render.
 """
 
 from __future__ import annotations
@@ -41,15 +41,19 @@ LINEAR, SRGB = "linear", "srgb"
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What a file's head says: size in pixels, names of the channels, and the largest code, 0 for intensities."""
+    """What a file's head says: size in pixels, names of the channels, and the largest code, 0 for intensities.
+
+    ``frames``: it holds the sums of whole frames.
+    """
 
     width: int
     height: int
     channels: tuple[str, ...]
     levels: int = 0
+    frames: bool = False
 
     def __str__(self) -> str:
-        codes = f", codes up to {self.levels}" if self.levels else ""
+        codes = f", codes up to {self.levels}" if self.levels else ", sums of frames" if self.frames else ""
         return f"{self.width} x {self.height} pixels of {', '.join(self.channels)}{codes}"
 
 
@@ -327,11 +331,11 @@ def _array_head(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
     return shape, dtype
 
 
-def _array_layout(shape: tuple[int, ...], levels: int = 0) -> Layout:
+def _array_layout(shape: tuple[int, ...], levels: int = 0, *, frames: bool = False) -> Layout:
     if len(shape) not in (2, 3):
         raise InputError(f"has shape {shape}: an image is [height, width] or [height, width, channels]")
     count = shape[2] if len(shape) == 3 else 1
-    return Layout(shape[1], shape[0], ARRAY_CHANNELS.get(count, tuple(map(str, range(count)))), levels)
+    return Layout(shape[1], shape[0], ARRAY_CHANNELS.get(count, tuple(map(str, range(count)))), levels, frames)
 
 
 def _npy_head(path: Path) -> Layout:
@@ -360,7 +364,7 @@ def _npz_head(path: Path) -> Layout:
         fitting = (heads["sum"][0],) if name != "count" else ((), heads["sum"][0][:2])
         if dtype.kind not in "iuf" or shape not in fitting:
             raise InputError(f"has {name} of shape {shape} and type {dtype} beside sum of shape {heads['sum'][0]}")
-    return _array_layout(heads["sum"][0])
+    return _array_layout(heads["sum"][0], frames=heads["count"][0] == ())
 
 
 def _npz_planes(path: Path, layout: Layout) -> Planes:

@@ -17,7 +17,7 @@ none in a single hand with probability n q^3 exp(-3 n q): for many files, in abo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from hashlib import blake2b
@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truemean.adapters.frames import Floats, Number, read_count
+from truemean.adapters.frames import Floats, Number
 from truemean.adapters.image_files import (
     KINDS,
     Kind,
@@ -39,17 +39,15 @@ from truemean.adapters.image_files import (
     read_transfer,
     survey,
 )
+from truemean.adapters.image_tiles import Box, Law, average_law, boxes, read_frames, read_tile, tile_means, told_of_sums
 from truemean.adapters.registry import LOAD_SCENE, resolve
 from truemean.errors import InputError, SubjectError, Unsupported
 from truemean.subject import PixelLike, Value
 
 __all__ = ["Images", "TilePixel"]
 
-MOST_TILES = 256
 HANDS = 3
 SINGLE, HALF = 1e-6, 2.0**-11
-Box = tuple[int, int, int, int]  # left, top, right and bottom, the latter two outside
-Law = dict[Value, Fraction]
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +104,7 @@ class Images:
         self._check_others()
         self.replicates = min(len(each.files) for each in self._sets)
         # The tiles.
-        self.tile, self._why = _read_tile(tile, self._renders.layout)
+        self.tile, self._why = read_tile(tile, self._renders.layout)
         self._cut = self._cut_of(truth.size or self._renders.size, asked=tile is not None)
         self._pixels = self._tiles(truth)
         self._has_scale = truth.size is not None
@@ -136,15 +134,39 @@ class Images:
         SubjectError for an image that can't be read, is not finite, or is another one again.
         """
         columns = [self._column(pixel) for pixel in pixels]
-        numbers = np.asarray(seeds, dtype=np.int64).tolist()
+        return self._shown(self._means(self._numbers(seeds)), columns)
+
+    @property
+    def sums(self) -> Callable[[Sequence[PixelLike], ArrayLike], tuple[Floats, Floats, Floats]] | None:
+        """Counts, means and mean squares of the frames that each file is the sum of, as `run_many`; None for other files.
+
+        None as well for pairs of sets, whose differences have sums that nobody knows. The mean square of a tile of several
+        pixels is a bound from above, see `read_frames`.
+        """
+        return self._sums if self._renders.layout.frames and not self._others else None
+
+    def _sums(self, pixels: Sequence[PixelLike], seeds: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        columns, numbers = [self._column(pixel) for pixel in pixels], self._numbers(seeds)
+        means = self._means(numbers)
+        counts, squares = self._renders.frames(numbers, self._cut)
+        each = np.broadcast_to(counts[:, np.newaxis, np.newaxis], means.shape), means, np.maximum(squares, means**2)
+        found = [self._shown(part, columns) for part in each]
+        return found[0], found[1], found[2]
+
+    def _numbers(self, seeds: ArrayLike) -> list[int]:
+        numbers: list[int] = np.asarray(seeds, dtype=np.int64).tolist()
         if strange := [seed for seed in numbers if not 0 <= seed < self.replicates]:
             raise InputError(
                 f"seed {strange[0]} is no image: there are {self.replicates}, from 0 to {self.replicates - 1}"
             )
+        return numbers
+
+    def _means(self, numbers: Sequence[int]) -> Floats:
         means = self._renders.means(numbers, self._cut)
-        if self._others:
-            means = means - self._others.means(numbers, self._cut)
-        return means[:, columns] if self._renders.colour else means[:, columns, 0]
+        return means - self._others.means(numbers, self._cut) if self._others else means
+
+    def _shown(self, tiles: Floats, columns: Sequence[int]) -> Floats:
+        return tiles[:, columns] if self._renders.colour else tiles[:, columns, 0]
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -154,6 +176,8 @@ class Images:
         if self._others:
             over = abs(len(sets[0].files) - len(sets[1].files))
             found.append(f"{self.replicates} pairs of images are compared, sorted by name; {over} are left over")
+        if self._renders.kind.name == "NPZ":
+            found.append(told_of_sums(frames=self.sums is not None, cut=self._cut))
         if not self._has_scale:
             found.append(
                 f"a {'difference' if self._others else 'constant'} has no scale: a tolerance in percent is of 1"
@@ -193,13 +217,15 @@ class Images:
             return self.tile
         if asked and self._renders.kind.name == "NPZ" and (width, height) == tuple(-(-n // self.tile) for n in wanted):
             return 1
-        raise SubjectError(f"{self._renders.files[0]} has {width} x {height} pixels, scene has {wanted[0]} x {wanted[1]}")
+        raise SubjectError(
+            f"{self._renders.files[0]} has {width} x {height} pixels, scene has {wanted[0]} x {wanted[1]}"
+        )
 
     def _tiles(self, truth: _Truth) -> dict[str, TilePixel]:
         prefix, side = truth.prefix, f"+{self.tile}" if self.tile > 1 else ""
         law = truth.law or (lambda box: {(Fraction(0),) * 3 if self._renders.colour else Fraction(0): Fraction(1)})
         found = {}
-        for number, box in enumerate(_boxes(truth.size or self._renders.size, self.tile)):
+        for number, box in enumerate(boxes(truth.size or self._renders.size, self.tile)):
             values, weights = zip(*law(box).items(), strict=True)
             found[f"{prefix}{box[0]},{box[1]}{side}"] = TilePixel(values, weights, number)
         numbers = [number for X in found.values() for number in _flat(X.values)]
@@ -245,7 +271,7 @@ class _Truth:
         shown = scene if hasattr(scene, "to_dict") else resolve(LOAD_SCENE)(scene)
         laws = {place: dict(zip(X.values, X.weights, strict=True)) for place, X in shown.pixels().items()}
         colour = isinstance(shown.background, tuple)
-        return cls(lambda box: _average(laws, box), colour, (shown.width, shown.height), f"{shown.name}#")
+        return cls(lambda box: average_law(laws, box), colour, (shown.width, shown.height), f"{shown.name}#")
 
 
 class _Renders:
@@ -268,6 +294,7 @@ class _Renders:
         self.step = 0.0 if self._table is None else float(np.diff(self._table).max())
         self.twins = self._fault = ""
         self._means: dict[int, Floats] = {}
+        self._frames: dict[int, tuple[float, Floats]] = {}
         self._first: dict[tuple[bytes, ...], int] = {}
 
     def __str__(self) -> str:
@@ -291,6 +318,14 @@ class _Renders:
             raise SubjectError(self._fault)
         return np.stack([self._means[number] for number in numbers])
 
+    def frames(self, numbers: Sequence[int], cut: int) -> tuple[Floats, Floats]:
+        """How many frames each file is the sum of, and their mean squares ``[numbers, tiles, channels]``."""
+        places = [self.layout.channels.index(channel) for channel in self.channels]
+        for number in set(numbers) - self._frames.keys():
+            self._frames[number] = read_frames(self.files[number], places, cut)
+        counts, squares = zip(*(self._frames[number] for number in numbers), strict=True)
+        return np.array(counts), np.stack(squares)
+
     def _read(self, number: int, cut: int) -> tuple[int, int] | None:
         """Read an image; it and an equal one read before, if there is one."""
         file = self.files[number]
@@ -300,12 +335,7 @@ class _Renders:
         image = np.stack(planes, axis=-1)
         light = image.astype(np.float64) if self._table is None else self._table[image]
         _check_finite(light, self.channels, file)
-        rows, columns = (np.arange(0, size, cut) for size in light.shape[:2])
-        sums = np.add.reduceat(np.add.reduceat(light, rows, axis=0), columns, axis=1)
-        areas = np.outer(
-            *(np.diff([*starts, size]) for starts, size in zip((rows, columns), light.shape, strict=False))
-        )
-        self._means[number] = (sums / areas[..., np.newaxis]).reshape(-1, len(self.channels))
+        self._means[number] = tile_means(light, cut)
         pixels = image.reshape(-1, len(planes))
         hands = tuple(blake2b(pixels[start::HANDS].tobytes()).digest() for start in range(HANDS))
         first = self._first.setdefault(hands, number)
@@ -328,35 +358,6 @@ def _check_finite(light: Floats, channels: Sequence[str], file: Path) -> None:
     if strange.size:
         row, column, channel = strange[0]
         raise SubjectError(f"{file} has {light[row, column, channel]} at pixel ({column}, {row}), {channels[channel]}")
-
-
-def _average(laws: dict[tuple[int, int], Law], box: Box) -> Law:
-    """The law of a box of pixels, all of them equally probable."""
-    left, top, right, bottom = box
-    count = (right - left) * (bottom - top)
-    law: Law = {}
-    for x, y in ((x, y) for y in range(top, bottom) for x in range(left, right)):
-        for value, weight in laws[x, y].items():
-            law[value] = law.get(value, Fraction(0)) + weight / count
-    return law
-
-
-def _boxes(size: tuple[int, int], tile: int) -> Iterator[Box]:
-    """Tiles row by row; those at the right and bottom end with the image."""
-    width, height = size
-    for y in range(0, height, tile):
-        for x in range(0, width, tile):
-            yield x, y, min(x + tile, width), min(y + tile, height)
-
-
-def _read_tile(tile: Number | None, layout: Layout) -> tuple[int, str]:
-    """The side of a tile, and why."""
-    if tile is not None:
-        return read_count("tile", tile), "as asked"
-    side = 1
-    while -(-layout.width // side) * -(-layout.height // side) > MOST_TILES:
-        side *= 2
-    return side, f"at most {MOST_TILES} if tile= is not given"
 
 
 def _read_ends(text: Any) -> tuple[Fraction, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from truemean.conformance.declared import marginal, read_declaration, read_law
-from truemean.conformance.replicates import Few, Seeds, attribute, blaming, run
+from truemean.conformance.replicates import Few, Seeds, attribute, blaming, gives_sums, run, run_sums
 from truemean.conformance.settings import Chosen, Settings, read_pixels
 from truemean.conformance.target import Target
 from truemean.errors import InputError, SubjectError, TooManyPaths, TruemeanError, Unsupported
@@ -27,7 +27,7 @@ FAR, STRETCHES = (
 )  # standard errors, in each of so many stretches of neighbours: right by chance once in a million
 LEAST = 16  # neighbours that tell something
 ALONE = 3
-NUMBERS = "estimates are finite numbers, one for each seed"
+NUMBERS = "estimates and costs are numbers, one for each seed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +113,8 @@ def _checks(estimator: Any, chosen: Sequence[Chosen], replicates: int) -> Iterat
             yield from _of_group(looked, places)
         except (SubjectError, Unsupported) as broken:
             yield Check(NUMBERS, False, str(broken))
+        else:
+            yield Check(NUMBERS, True)
     supported = [chosen[place] for places in groups.values() for place in places]
     yield _told("what is declared can be read", lambda: _read_declared(looked, supported))
     yield _told("versions and notes are text", lambda: _read_texts(estimator))
@@ -138,7 +140,8 @@ def _of_group(looked: _Subject, places: list[int]) -> Iterator[Check]:
         one = np.concatenate([looked._of([place], seeds) for place in places])  # noqa: SLF001 - one pixel at a time
         yield _same("run_many gives what run gives", names, seeds, first, one, slack)
     yield from _varied(looked, places, first, slack)
-    yield _told("costs are numbers from 0 up, one for each seed", lambda: _read_costs(looked, places))
+    if gives_sums(looked.subject):
+        yield _told("sums are those of the estimates", lambda: _read_sums(looked, places, first, slack))
     if callable(attribute(looked.subject, "exact")):
         yield _told("estimates are outcomes of the exact law", lambda: _read_exact(looked, places, first, slack))
 
@@ -223,17 +226,17 @@ def _told(promise: str, look: Callable[[], str]) -> Check:
     return Check(promise, not seen, seen)
 
 
-def _read_costs(looked: _Subject, places: list[int]) -> str:
-    costs = attribute(looked.subject, "costs")
-    for place in places if costs else ():
-        looked.estimates([place], looked.seeds)  # a function tells of the run before
-        with blaming("costs(pixel, seeds)"):
-            told = costs(looked.chosen[place].given, looked.seeds)
-            numbers = None if told is None else np.asarray(told, dtype=float)
-        if numbers is None:
-            continue
-        if numbers.shape != looked.seeds.shape or not (np.isfinite(numbers) & (numbers >= 0)).all():
-            return f"{looked.chosen[place].name}: {numbers.ravel()[:3]} of shape {numbers.shape} for {looked.seeds.size} seeds"
+def _read_sums(looked: _Subject, places: list[int], estimates: FloatArray, slack: FloatArray) -> str:
+    chosen, seeds = [looked.chosen[place] for place in places], looked.seeds
+    sums = run_sums(looked.subject, [each.given for each in chosen], chosen[0].pixel.channels, seeds)[0]
+    for place, by_channel, rows, room in zip(places, sums, estimates, slack, strict=True):
+        for target, parts, row, close in zip(looked.targets[place], by_channel, rows, room, strict=True):
+            if fault := "has sums and no range" if target.range is None else target.fault_of_sums(parts, seeds):
+                return f"{target.case} {fault}"
+            far = np.flatnonzero(np.abs(parts[1] - row) > close)
+            if far.size:
+                pair = f"mean {float(parts[1, far[0]])!r} and estimate {float(row[far[0]])!r}"
+                return f"{target.case}: {pair} for seed {int(seeds[far[0]])}"
     return ""
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -29,15 +30,23 @@ class ExactCases:
     cases: Mapping[str, list[Case]]
     skipped: Mapping[str, str]
     notes: tuple[str, ...]
+    interrupted: bool = False
+
+    @property
+    def biased(self) -> list[Case]:
+        """The cases that are."""
+        return [case for cases in self.cases.values() for case in cases if case.verdict is Verdict.BIASED]
 
 
-def exact_cases(subject: Any, chosen: Sequence[Chosen], settings: Settings) -> ExactCases:
-    """The verdicts that the exact laws of an estimator give, where it has such laws."""
+def exact_cases(subject: Any, chosen: Sequence[Chosen], settings: Settings, deadline: float = math.inf) -> ExactCases:
+    """The verdicts that the exact laws of an estimator give, where it has such laws, as far as time allows."""
     cases: dict[str, list[Case]] = {}
     skipped: dict[str, str] = {}
     notes: list[str] = []
     exact = attribute(subject, "exact")
     for each in chosen if callable(exact) else ():
+        if time.monotonic() > deadline:
+            break
         try:
             with blaming("exact(pixel)", TooManyPaths):
                 found = exact(each.given)
@@ -48,6 +57,8 @@ def exact_cases(subject: Any, chosen: Sequence[Chosen], settings: Settings) -> E
             skipped[each.name] = str(declined)
         except SubjectError as broken:
             cases[each.name] = [_broken(target, str(broken)) for target in settings.targets(None, each)]
+        except KeyboardInterrupt:
+            return ExactCases(cases, skipped, tuple(notes), interrupted=True)
     return ExactCases(cases, skipped, tuple(notes))
 
 
@@ -55,9 +66,15 @@ def _cases(subject: Any, chosen: Chosen, settings: Settings, found: Any) -> list
     if not isinstance(found, Exact):
         raise InputTypeError(f"exact(pixel) gave {found!r:.80} (type={type(found).__name__}): return an Exact")
     law = read_law(found.law)
-    targets = settings.targets(subject, chosen)
+    targets = replace(settings, variance=1).targets(subject, chosen)  # no bound is needed where all is known
     declared = settings.declared(subject, chosen) or [None] * len(targets)
-    return [_case(*pair, marginal(law, i), found) for i, pair in enumerate(zip(targets, declared, strict=True))]
+    bounded = settings.range is not None or attribute(subject, "range") is not None
+    cases = []
+    for channel, (target, its) in enumerate(zip(targets, declared, strict=True)):
+        own = marginal(law, channel)
+        fault = _outside(target, own) if bounded else ""
+        cases.append(_broken(target, fault) if fault else _case(target, its, own, found))
+    return cases
 
 
 def _case(target: Target, declared: Declared | None, law: Mapping[Fraction, Fraction], found: Exact) -> Case:
@@ -99,6 +116,15 @@ def _case(target: Target, declared: Declared | None, law: Mapping[Fraction, Frac
         evidence={},
         exact_bias=bias,
     )
+
+
+def _outside(target: Target, law: Mapping[Fraction, Fraction]) -> str:
+    """What is wrong with an outcome beyond the range that is declared."""
+    low, high = target.range or (min(law), max(law))
+    far = next((x for x in (min(law), max(law)) if not low - target.slack <= x <= high + target.slack), None)
+    if far is None:
+        return ""
+    return f"returns {float(far)!r} on some path, outside its range [{float(low)!r}, {float(high)!r}]"
 
 
 def _rounded(end: Fraction, towards: float) -> float:

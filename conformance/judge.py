@@ -15,7 +15,7 @@ from truemean.conformance.declared import read_declaration
 from truemean.conformance.evidence import METHODS
 from truemean.conformance.exactly import exact_cases
 from truemean.conformance.panel import Panel, read_regions
-from truemean.conformance.replicates import attribute
+from truemean.conformance.replicates import attribute, gives_sums
 from truemean.conformance.seeding import check_seeds
 from truemean.conformance.settings import Chosen, Settings, read_pixels
 from truemean.conformance.stream import Stream, looks, open_streams
@@ -26,6 +26,10 @@ __all__ = ["judge"]
 
 Progress = Callable[[str, int, int], object]
 
+SUMMED = (
+    "only sums of many replicates are known: they count against each side as the replicates of these sums and sums of "
+    "squares that would win its bets least, and what is declared is compared by its mean alone"
+)
 SPENT, INTERRUPTED = "the budget is spent", "interrupted"
 
 
@@ -82,16 +86,19 @@ def judge(
     settings = Settings(
         tolerance, alpha, beta, budget, seed, plan, range, timeout, variance, method, suspected, independent
     )
+    settings = settings.for_sums() if gives_sums(subject) else settings
     name, versions = attribute(subject, "name") or type(subject).__name__, _versions(subject)
     chosen = read_pixels(subject, pixels)
     order = [each.name for each in chosen]
+    settings.check_tolerances(order)
     groups = read_regions(regions, order)
+    deadline = math.inf if timeout is None else time.monotonic() + timeout
     # Where the law of the code itself is known, no replicates are needed; for all else bets are placed before the run.
-    exact = exact_cases(subject, chosen, settings)
+    exact = exact_cases(subject, chosen, settings, deadline)
     sampled = [each for each in chosen if not {each.name} & {*exact.cases, *exact.skipped}]
     streams, skipped = open_streams(subject, sampled, settings)
     panel = Panel(streams, settings.alpha_biased(subject), sum(each.channels for each in sampled), settings)
-    ended = _draw(subject, panel, settings, deterministic, progress)
+    ended = INTERRUPTED if exact.interrupted else _draw(subject, panel, settings, deterministic, progress, deadline)
     cases = _cases(streams, order, ended, exact.cases)
     verdict, reason = _verdict(cases, panel.is_biased)
     # Everything that was found.
@@ -105,20 +112,31 @@ def judge(
         | {each.name: s.skipped for s in streams if s.skipped for each in s.chosen},
         arguments=settings.arguments() | {"pixels": tuple(order)},
         seed=settings.seed,
-        notes=(*_notes(settings, chosen, sampled), *exact.notes, *map(str, attribute(subject, "notes") or ())),
+        notes=(
+            *_notes(settings, chosen, sampled, sums=gives_sums(subject)),
+            *exact.notes,
+            *map(str, attribute(subject, "notes") or ()),
+        ),
         versions=versions,
         interrupted=ended == INTERRUPTED,
-        discoveries=panel.discoveries(),
-        regions=panel.regions(groups),
+        # All cases together, and what the runs took.
+        discoveries=(*(case.name for case in exact.biased), *panel.discoveries()),
+        regions=panel.regions(groups, {case.pixel for case in exact.biased}),
         somewhere=panel.somewhere,
         seconds=sum(stream.seconds for stream in streams),
         runs=sum(stream.drawn for stream in streams),
     )
 
 
-def _draw(subject: Any, panel: Panel, settings: Settings, deterministic: bool | None, progress: Progress | None) -> str:
+def _draw(
+    subject: Any,
+    panel: Panel,
+    settings: Settings,
+    deterministic: bool | None,
+    progress: Progress | None,
+    deadline: float,
+) -> str:
     """Draw until every case is decided or nothing is left; why the run ended."""
-    deadline = math.inf if settings.timeout is None else time.monotonic() + settings.timeout
     try:
         check_seeds(subject, panel.streams, deterministic=deterministic)
         for stream in looks(subject, panel.streams, settings.budget):
@@ -160,7 +178,7 @@ def _plan_check(cases: Sequence[Case]) -> PlanCheck | None:
     return next((check for check in (PlanCheck.DEVIATES, PlanCheck.FOLLOWS) if check in checks), None)
 
 
-def _notes(settings: Settings, chosen: Sequence[Chosen], sampled: Sequence[Chosen]) -> tuple[str, ...]:
+def _notes(settings: Settings, chosen: Sequence[Chosen], sampled: Sequence[Chosen], *, sums: bool) -> tuple[str, ...]:
     if not sampled:
         return ("all verdicts are exact: every path of the code was run, and nothing is left to chance",)
     alpha, beta, method = settings.alpha, settings.beta, METHODS[settings.method]
@@ -172,6 +190,8 @@ def _notes(settings: Settings, chosen: Sequence[Chosen], sampled: Sequence[Chose
         notes.append(f"method {settings.method}: {method.guarantee}")
     if not method.valid:
         notes = notes[2:]
+    if sums:
+        notes.append(SUMMED)
     if settings.independent:
         notes.append(
             "the pixels are independent by declaration: the combined evidence, with half of alpha, rests on it"

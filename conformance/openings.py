@@ -82,8 +82,8 @@ def open_within(target: Target, levels: Levels, method: str, declared: Declared 
     return Blend.of(declared=(DECLARED, Mixture.open(side, _single(fraction))), rest=(1 - DECLARED, base))
 
 
-def open_fit(target: Target, declared: Declared, levels: Levels) -> EProcess | None:
-    """Evidence against the declared law; where that is unknown, against its mean and its spread."""
+def open_fit(target: Target, declared: Declared, levels: Levels, method: str = "focus") -> EProcess | None:
+    """Evidence against the declared law; where that is unknown, against its mean, by a method, and its spread."""
     slack = float(target.slack / target.width)
     if declared.law is not None:
         law = {(atom - target.origin) / target.width: mass for atom, mass in declared.law.items()}
@@ -92,7 +92,7 @@ def open_fit(target: Target, declared: Declared, levels: Levels) -> EProcess | N
         return None
     centre = declared.bias
     sides = (target.side(1, centre + target.slack), target.side(-1, target.slack - centre))
-    mean = _open(sides, levels.deviates, levels.budget, "focus")
+    mean = _open(sides, levels.deviates, levels.budget, method)
     if declared.variance is None:
         return mean
     # Rounding moves an outcome by a slack, and the centre is known.

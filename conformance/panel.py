@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -76,8 +76,8 @@ class Panel:
         found = e_bh([trial.biased.log_evidence for trial in trials] + [0.0] * (self.cases - len(trials)), self.alpha)
         return tuple(trial.target.case for trial, biased in zip(trials, found, strict=False) if biased)
 
-    def regions(self, groups: Mapping[str, Sequence[str]]) -> tuple[Region, ...]:
-        """The evidence by group of pixels, and how large a bias it could have seen there."""
+    def regions(self, groups: Mapping[str, Sequence[str]], known: Collection[str] = ()) -> tuple[Region, ...]:
+        """The evidence by group of pixels, and how large a bias it could have seen there; ``known`` ones are biased."""
         by_pixel: dict[str, list[Trial]] = {}
         for trial in _trials(self.streams):
             by_pixel.setdefault(trial.target.pixel, []).append(trial)
@@ -88,7 +88,8 @@ class Panel:
             members = [trial for name in groups[group.name] for trial in by_pixel.get(name, [])]
             asked = math.log(len(groups) / self.alpha)
             sizes = [_visible(members, asked + extra) for extra in (0.0, math.log(group.cases))]
-            found.append(Region(group.name, group.cases, group.log_evidence, group.biased, *sizes))
+            biased = group.biased or not set(known).isdisjoint(groups[group.name])
+            found.append(Region(group.name, group.cases, group.log_evidence, biased, *sizes))
         return tuple(found)
 
     def _common(self) -> float:

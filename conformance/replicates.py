@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from truemean.errors import InputError, NeedsScene, SubjectError, Unsupported, raised
 
-__all__ = ["Few", "Seeds", "attribute", "blaming", "run"]
+__all__ = ["Few", "Seeds", "attribute", "blaming", "gives_sums", "run", "run_sums"]
 
 FloatArray = NDArray[np.float64]
+SUMS = ("counts", "means", "mean squares")
 COLOURS = ": return [seeds, channels], e.g. values.mean(axis=0) per draw, or raise Unsupported to skip colour pixels"
 
 
@@ -69,6 +70,7 @@ class Few:
 
     seed: int
     number: int
+    what: str = "replicates"
 
     def __post_init__(self) -> None:
         if not (isinstance(self.number, int) and self.number >= 1):
@@ -77,7 +79,7 @@ class Few:
     @property
     def spent(self) -> str:
         """Why no replicate can be drawn any more."""
-        return f"all {self.number} replicates are used"
+        return f"all {self.number} {self.what} are used"
 
     @property
     def capacity(self) -> int:
@@ -119,18 +121,56 @@ def run(
     together = len(pixels) > 1
     with blaming("run_many(pixels, seeds)" if together else "run(pixel, seeds)"):
         raw = subject.run_many(pixels, seeds) if together else subject.run(pixels[0], seeds)
+    spent = _spent(subject, pixels, seeds)
+    shape = (seeds.size, *([len(pixels)] if together else []), *([channels] if channels else []))
+    return _by_case(raw, shape, len(pixels), channels), spent
+
+
+def gives_sums(subject: Any) -> bool:
+    """Whether only the sums of many replicates are known, one a seed."""
+    return attribute(subject, "sums") is not None
+
+
+def run_sums(
+    subject: Any, pixels: Sequence[Any], channels: int | None, seeds: NDArray[np.int64]
+) -> tuple[FloatArray, list[float] | None]:
+    """Counts, means and mean squares ``[pixels, channels or 1, 3, seeds]``; otherwise as `run`."""
+    with blaming("sums(pixels, seeds)"):
+        parts = tuple(subject.sums(pixels, seeds))
+    if len(parts) != len(SUMS):
+        raise SubjectError(f"sums(pixels, seeds) returned {len(parts)} arrays, expected {', '.join(SUMS)}")
+    spent = _spent(subject, pixels, seeds)
+    shape = (seeds.size, len(pixels), *([channels] if channels else []))
+    return np.stack([_by_case(part, shape, len(pixels), channels) for part in parts], axis=-2), spent
+
+
+def _spent(subject: Any, pixels: Sequence[Any], seeds: NDArray[np.int64]) -> list[float] | None:
+    """The total cost per pixel, where the subject tells."""
     costs = attribute(subject, "costs")
     with blaming("costs(pixel, seeds)"):
         told = [costs(pixel, seeds) for pixel in pixels] if costs else [None]
-        spent = None if any(each is None for each in told) else [float(np.sum(np.asarray(each))) for each in told]
-    shape = (seeds.size, *([len(pixels)] if together else []), *([channels] if channels else []))
+        return None if any(each is None for each in told) else [_total(each, seeds) for each in told]
+
+
+def _by_case(raw: Any, shape: tuple[int, ...], pixels: int, channels: int | None) -> FloatArray:
+    """What was returned, ``[pixels, channels or 1, seeds]``; SubjectError unless it has this shape."""
     outputs = _as_floats(raw)
     if outputs.shape != shape:
         raise SubjectError(
-            f"returned {type(raw).__name__} of shape {outputs.shape} for {seeds.size} seeds, expected {shape}"
+            f"returned {type(raw).__name__} of shape {outputs.shape} for {shape[0]} seeds, expected {shape}"
             + (COLOURS if channels and outputs.shape == shape[:-1] else "")
         )
-    return np.moveaxis(outputs.reshape(seeds.size, len(pixels), channels or 1), 0, -1), spent
+    return np.moveaxis(outputs.reshape(shape[0], pixels, channels or 1), 0, -1)
+
+
+def _total(costs: Any, seeds: NDArray[np.int64]) -> float:
+    numbers = np.asarray(costs, dtype=float)
+    if numbers.shape != seeds.shape or not (np.isfinite(numbers) & (numbers >= 0)).all():
+        raise SubjectError(
+            f"costs(pixel, seeds) gave {numbers.ravel()[:3]} of shape {numbers.shape} for {seeds.size} seeds: "
+            "return a number from 0 up for each"
+        )
+    return float(numbers.sum())
 
 
 def _as_floats(raw: Any) -> FloatArray:

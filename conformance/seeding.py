@@ -31,8 +31,9 @@ def check_seeds(subject: Any, streams: Sequence[Stream], *, deterministic: bool 
     if not ranked or any(trial.verdict for trials in ranked[0].trials for trial in trials):
         return
     try:
-        # In another order, as the estimator may keep its last batch.
-        _check_same(ranked[0], *(_first(subject, ranked[0], FEW, step)[..., ::step] for step in (1, -1)))
+        # The batch between is for estimators that keep their last one.
+        first, _, again = (_first(subject, ranked[0], number) for number in (FEW, 1, FEW))
+        _check_same(ranked[0], first, again)
         ignored = not still and all(_are_all_one(subject, stream) for stream in ranked)
     except _Broken:
         return
@@ -47,9 +48,9 @@ class _Broken(Exception):
     """The estimator breaks, which the run will tell as a case."""
 
 
-def _first(subject: Any, stream: Stream, number: int, step: int = 1) -> FloatArray:
-    """Estimates ``[pixels, channels, seeds]`` at the first seeds of a stream, backwards where ``step`` is -1."""
-    seeds = stream.seeds.take(0, min(number, stream.seeds.capacity))[::step]
+def _first(subject: Any, stream: Stream, number: int) -> FloatArray:
+    """Estimates ``[pixels, channels, seeds]`` at the first seeds of a stream."""
+    seeds = stream.seeds.take(0, min(number, stream.seeds.capacity))
     try:
         estimates = run(subject, [each.given for each in stream.chosen], stream.chosen[0].pixel.channels, seeds)[0]
     except (SubjectError, Unsupported) as broken:
@@ -66,7 +67,7 @@ def _are_all_one(subject: Any, stream: Stream) -> bool:
     """
     variety = _variety(stream)
     enough = math.log(CHANCE) / math.log1p(-variety) if variety else math.inf
-    if enough > MOST:
+    if enough > min(MOST, stream.seeds.capacity):
         return False
     targets = [[trial.target for trial in trials] for trials in stream.trials]
     for number in (FEW, max(FEW, math.ceil(enough)), PATIENCE):

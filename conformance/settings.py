@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from numbers import Integral
 from typing import Any
@@ -78,6 +78,20 @@ class Settings:
         plan = self.declaration and {"plan": self.declaration.name, "params": self.declaration.params}
         suspects = tuple({"plan": suspect.name, "params": suspect.params} for suspect in self.suspects)
         return plain | {"tolerance": _shown(self.tolerance), "declares": plan, "suspects": suspects}
+
+    def for_sums(self) -> Settings:
+        """These settings where only sums of replicates are known: constant bets alone can be settled by them.
+
+        The default method gives way to the mixture; InputError for another whose bets learn.
+        """
+        if self.method == "focus":
+            return replace(self, method="mixture")
+        if not METHODS[self.method].constant:
+            fitting = ", ".join(name for name, method in METHODS.items() if method.constant)
+            raise InputError(
+                f"method={self.method!r} needs single estimates, and of these only sums are known: take one of {fitting}"
+            )
+        return self
 
     def declares(self, subject: Any) -> bool:
         """Whether anything is declared that the estimates are compared with."""

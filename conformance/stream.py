@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from truemean.conformance.declared import derive_declared
-from truemean.conformance.replicates import Few, Seeds, attribute, run
+from truemean.conformance.replicates import Few, Seeds, attribute, gives_sums, run, run_sums
 from truemean.conformance.settings import Chosen, Settings
 from truemean.conformance.trial import Trial
 from truemean.conformance.verdict import Verdict
@@ -21,13 +21,19 @@ __all__ = ["Stream", "looks", "open_streams"]
 
 FIRST_LOOK, LOOK_GROWTH = 16, 1.05
 SEED_BITS = 53
+SUMS = "sums of replicates"
 
 
 class Stream:
-    """Pixels that are rendered together, from the same seeds, with their trials by pixel and channel."""
+    """Pixels that are rendered together, from the same seeds, with their trials by pixel and channel.
 
-    def __init__(self, chosen: Sequence[Chosen], seeds: Seeds | Few, trials: list[list[Trial]]) -> None:
-        self.chosen, self.seeds, self.trials = chosen, seeds, trials
+    ``sums``: a seed stands for many replicates, of which only the sums are known.
+    """
+
+    def __init__(
+        self, chosen: Sequence[Chosen], seeds: Seeds | Few, trials: list[list[Trial]], *, sums: bool = False
+    ) -> None:
+        self.chosen, self.seeds, self.trials, self.sums = chosen, seeds, trials, sums
         self.drawn, self.skipped, self.seconds = 0, "", 0.0
 
     @property
@@ -57,7 +63,8 @@ class Stream:
         begun = time.perf_counter()
         try:
             given = [each.given for each in self.chosen]
-            estimates, costs = run(subject, given, self.chosen[0].pixel.channels, seeds)
+            draw = run_sums if self.sums else run
+            estimates, costs = draw(subject, given, self.chosen[0].pixel.channels, seeds)
         except Unsupported as declined:
             if not self.drawn:
                 self.skipped = str(declined) or "the estimator declines this pixel"
@@ -74,9 +81,14 @@ class Stream:
 
     def _observe(self, place: int, columns: Any, seeds: NDArray[np.int64], cost: float | None) -> None:
         pairs = list(zip(self.trials[place], columns, strict=True))
-        faults = (trial.target.fault(column, seeds) for trial, column in pairs)
+        if self.sums:
+            faults = (trial.target.fault_of_sums(column, seeds) for trial, column in pairs)
+        else:
+            faults = (trial.target.fault(column, seeds) for trial, column in pairs)
         if fault := next(filter(None, faults), None):
             self._break(place, fault)
+        elif self.sums:
+            self.trials[place] = [t if t.verdict else t.observe_sums(column, cost) for t, column in pairs]
         else:
             self.trials[place] = [t if t.verdict else t.observe(column, cost) for t, column in pairs]
 
@@ -94,7 +106,6 @@ def open_streams(subject: Any, chosen: Sequence[Chosen], settings: Settings) -> 
     One stream a pixel, or, where the subject renders many at once, one for all of as many channels.
     """
     together = callable(attribute(subject, "run_many"))
-    settings.check_tolerances([each.name for each in chosen])
     cases = sum(each.channels for each in chosen)
     groups: dict[Any, list[tuple[Chosen, list[Trial]]]] = {}
     skipped = {}
@@ -105,12 +116,17 @@ def open_streams(subject: Any, chosen: Sequence[Chosen], settings: Settings) -> 
             skipped[each.name] = str(declined)
         else:
             groups.setdefault(each.pixel.channels if together else each.name, []).append((each, trials))
+    sums = gives_sums(subject)
     few, bits = attribute(subject, "replicates"), attribute(subject, "seed_bits") or SEED_BITS
     streams = []
     for number, group in enumerate(groups.values()):
         members, trials_of = zip(*group, strict=True)
-        seeds = Seeds(settings.seed, bits, number, len(groups)) if few is None else Few(settings.seed, few)
-        streams.append(Stream(members, seeds, list(trials_of)))
+        seeds = (
+            Seeds(settings.seed, bits, number, len(groups))
+            if few is None
+            else Few(settings.seed, few, *([SUMS] * sums))
+        )
+        streams.append(Stream(members, seeds, list(trials_of), sums=sums))
     return streams, skipped
 
 
@@ -130,6 +146,7 @@ def _open_trials(subject: Any, chosen: Chosen, settings: Settings, cases: int) -
             declared[i] if declared else None,
             {name: suspect[i] for name, suspect in suspects.items()},
             settings.method,
+            sums=gives_sums(subject),
         )
         for i, target in enumerate(targets)
     ]

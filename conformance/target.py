@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from truemean.conformance.evidence import Bounded, FloatArray, Heavy
+from truemean.conformance.evidence import Bounded, FloatArray, Heavy, Sums
 
 __all__ = ["Target"]
 
@@ -64,6 +64,19 @@ class Target:
         y: FloatArray = (np.clip(estimates, *self.ends) - float(self.origin)) / float(self.width)
         return y if self.range is None else np.clip(y, 0.0, 1.0)
 
+    def sums(self, sums: FloatArray) -> Sums:
+        """Counts, means and mean squares of estimates, ``[3, groups]``, as those of y; there must be a range."""
+        mean, square, slack = self._moments(sums)
+        y = np.clip(mean, 0.0, 1.0)
+        return Sums(sums[0], y, np.clip(square, y**2, y), slack)
+
+    def _moments(self, sums: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mean and mean square of y, and how far off the latter is if each estimate is a slack off."""
+        origin, width = float(self.origin), float(self.width)
+        _, mean, square = sums
+        slack = 2 * float(self.slack) * (np.sqrt(np.maximum(square, 0.0)) + abs(origin)) / width**2
+        return (mean - origin) / width, (square - 2 * origin * mean + origin**2) / width**2, slack
+
     def fault(self, estimates: FloatArray, seeds: NDArray[np.int64]) -> str | None:
         """What is wrong with the first estimate that can't be one; None when all lie in the range."""
         low, high = (end + sign * float(self.slack) for end, sign in zip(self.ends, (-1, 1), strict=True))
@@ -76,6 +89,23 @@ class Target:
         return (
             f"returned {value!r} for seed {seed}, outside its range [{self.ends[0]!r}, {self.ends[1]!r}]: "
             f"if that is right, declare the range of the estimates"
+        )
+
+    def fault_of_sums(self, sums: FloatArray, seeds: NDArray[np.int64]) -> str | None:
+        """What is wrong with the first counts, means and mean squares that no estimates in the range can have."""
+        if fault := self.fault(sums[1], seeds):
+            return fault
+        mean, square, slack = self._moments(sums)
+        room = slack + 4 * float(self.slack / self.width)
+        right = (sums[0] >= 1) & np.isfinite(sums).all(axis=0) & (square >= mean**2 - room) & (square <= mean + room)
+        if right.all():
+            return None
+        first = int(np.argmin(right))
+        count, value, squared = sums[:, first].tolist()
+        return (
+            f"returned {count:g} estimates of mean {value!r} and mean square {squared!r} for seed {int(seeds[first])}, "
+            f"which none in the range [{self.ends[0]!r}, {self.ends[1]!r}] have: "
+            f"if they are right, declare the range of the estimates"
         )
 
     def side(self, sign: int, margin: Fraction) -> Bounded | Heavy:

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
+import numpy as np
+
 from truemean.conformance.declared import Declared
 from truemean.conformance.evidence import (
     Batch,
@@ -19,9 +21,11 @@ from truemean.conformance.evidence import (
     edge_of,
     growth,
 )
+from truemean.conformance.fit import LawFit
 from truemean.conformance.openings import Levels, end_bets, open_biased, open_fit, open_within, scaled_law
 from truemean.conformance.target import Target
 from truemean.conformance.verdict import Case, PlanCheck, Verdict
+from truemean.errors import InputError
 
 __all__ = ["Trial"]
 
@@ -54,8 +58,20 @@ class Trial:
         declared: Declared | None = None,
         suspects: Mapping[str, Declared] | None = None,
         method: str = "focus",
+        *,
+        sums: bool = False,
     ) -> Trial:
-        """No replicates drawn: every bet is placed here, before the run."""
+        """No replicates drawn: every bet is placed here, before the run.
+
+        ``sums``: it is to `observe_sums`, so that of what is declared the mean alone can be compared. InputError for
+        a target without a range, where sums say nothing.
+        """
+        if sums and target.range is None:
+            raise InputError(
+                f"the estimates of pixel {target.pixel!r} have no finite range, and sums of them show nothing without: "
+                "declare a range (lo, hi)"
+            )
+        told = declared and (replace(declared, law=None, variance=None) if sums else declared)
         suspected = {**({"the declared plan": declared} if declared else {}), **(suspects or {})}
         return cls(
             target,
@@ -64,7 +80,7 @@ class Trial:
             open_within(target, levels, method, declared, -1),
             open_within(target, levels, method, declared, 1),
             declared,
-            open_fit(target, declared, levels) if declared else None,
+            open_fit(target, told, levels, method if sums else "focus") if told else None,
             outcomes=Outcomes() if target.range else Outcomes(limit=None),
         )
 
@@ -95,6 +111,19 @@ class Trial:
         while start < y.size:
             stop = start + max(LEAST_LOOK, math.ceil((self.replicates + start) * LOOK_GROWTH))
             trial, start = trial._look(Batch.of(y[start:stop])), stop
+        return replace(trial, cost=None if cost is None else (self.cost or 0.0) + cost)
+
+    def observe_sums(self, sums: FloatArray, cost: float | None = None) -> Trial:
+        """The trial after groups of replicates of which only counts, means and mean squares are known, ``[3, groups]``.
+
+        Evidence looks at one group at a time, at several where they are few beside those before. Constant bets
+        gain by them, bets that learn say nothing.
+        """
+        trial, seen, start = self, self.replicates + np.cumsum(sums[0]), 0
+        while start < seen.size:
+            before = seen[start - 1] if start else self.replicates
+            stop = int(np.searchsorted(seen, before * (1 + LOOK_GROWTH))) + 1
+            trial, start = trial._look(self.target.sums(sums[:, start:stop])), stop
         return replace(trial, cost=None if cost is None else (self.cost or 0.0) + cost)
 
     def _look(self, batch: Batch) -> Trial:
@@ -134,14 +163,15 @@ class Trial:
 
     def predicted(self) -> int | None:
         """How many replicates a verdict would take, from the declared law or else from the outcomes."""
-        target, (y, law) = self.target, self.outcomes.law
+        target = self.target
+        laws = {sign: self.outcomes.law_against(sign) for sign in (1, -1)}
         if self.declared and self.declared.law:
-            y, law = scaled_law(target, self.declared.law)
-        if not y.size:
+            laws = dict.fromkeys(laws, scaled_law(target, self.declared.law))
+        if not laws[1][0].size:
             return None
         inner, outer = target.slack - target.tolerance, target.tolerance + target.slack
-        within = min(_growth(target, sign, inner, y, law) for sign in (1, -1))
-        beyond = max(_growth(target, sign, outer, y, law) for sign in (1, -1))
+        within = min(_growth(target, sign, inner, *law) for sign, law in laws.items())
+        beyond = max(_growth(target, sign, outer, *law) for sign, law in laws.items())
         needs = ((-math.log(self.levels.conforms), within), (-math.log(self.levels.biased), beyond))
         counts = [math.ceil(1.3 * nats / rate) for nats, rate in needs if rate > 0]
         return max(min(counts), self.replicates + 1) if counts else None
@@ -207,10 +237,12 @@ class Trial:
 
     def _deviation(self) -> str:
         """In which way what is declared is not followed."""
-        if self.declared and self.declared.law is not None:
+        if isinstance(self.fit, LawFit):
             return "the estimates do not have the law of the declared plan"
-        noisier = isinstance(self.fit, Blend) and self.fit.leading == "noisier"
-        return f"the estimates are biased or noisier than declared, rather {'noisier' if noisier else 'biased'}"
+        if not (isinstance(self.fit, Blend) and "noisier" in self.fit.names):
+            return "the estimates have another mean than declared"
+        rather = "noisier" if self.fit.leading == "noisier" else "biased"
+        return f"the estimates are biased or noisier than declared, rather {rather}"
 
 
 def _growth(target: Target, sign: int, margin: Fraction, y: FloatArray, law: FloatArray) -> float:

@@ -163,7 +163,7 @@ def built(monkeypatch):
 
     def judged(entries, seed, jobs, tell):
         tell("nothing is judged here")
-        return {entry.page: {} for entry in entries}
+        return {entry.page: {} for entry in entries}, {"a renderer that crashed": "and why"}
 
     monkeypatch.setattr("truemean.conformance.report.build", build)
     monkeypatch.setattr("truemean.reporting.judged", judged)
@@ -191,7 +191,7 @@ def test_report_says_how_to_get_a_missing_renderer(folder, built, monkeypatch):
     monkeypatch.setattr("truemean.adapters.load", load)
     code, out, _ = call("report")
     assert (code, "raysect skipped: pip install 'truemean[raysect]'" in out) == (0, True)
-    assert list(built["skipped"]) == ["raysect"]
+    assert list(built["skipped"]) == ["raysect", "a renderer that crashed"]
     assert list(built["pages"]) == [name for name in RENDERERS if name != "raysect"]
     code, _, err = call("report", "--renderers", "raysect")
     assert (code, err) == (2, "truemean: pip install 'truemean[raysect]'\n")

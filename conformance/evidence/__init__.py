@@ -17,7 +17,7 @@ from truemean.conformance.evidence.bets import (
 from truemean.conformance.evidence.focus import Focus, KnownDistance, Learned, PlugIn
 from truemean.conformance.evidence.methods import METHODS, Method, Question, heavy
 from truemean.conformance.evidence.mixture import Mixture, edge_of
-from truemean.conformance.evidence.outcomes import Batch, FloatArray, Moments, Outcomes
+from truemean.conformance.evidence.outcomes import Batch, FloatArray, Moments, Outcomes, Sums
 from truemean.conformance.evidence.process import Blend, EProcess, both
 from truemean.conformance.evidence.sides import Bounded, Gaussian, Heavy, Side, Spread
 
@@ -45,6 +45,7 @@ __all__ = [
     "Question",
     "Side",
     "Spread",
+    "Sums",
     "best_fraction",
     "both",
     "edge_of",

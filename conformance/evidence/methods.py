@@ -36,11 +36,15 @@ class Question:
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """A kind of evidence, and what it guarantees in one line; ``valid`` at every look, or not."""
+    """A kind of evidence, and what it guarantees in one line; ``valid`` at every look, or not.
+
+    ``constant``: all its bets are, so that the sums of many outcomes will do.
+    """
 
     open: Callable[[Question], EProcess]
     guarantee: str
     valid: bool = True
+    constant: bool = False
 
 
 def _by_side(open_side: Callable[[Bounded, Question], EProcess]) -> Callable[[Question], EProcess]:
@@ -87,11 +91,14 @@ METHODS: Mapping[str, Method] = MappingProxyType(
             "most 1.9 nats below the static mixture",
         ),
         "mixture": Method(
-            _by_side(_static), "valid at every look for any law in the range; the order of outcomes does not matter"
+            _by_side(_static),
+            "valid at every look for any law in the range; the order of outcomes does not matter",
+            constant=True,
         ),
         "up": Method(
             _by_side(lambda side, question: Mixture.open(side, universal())),
             "valid at every look for any law in the range; Cover's universal portfolio, the order does not matter",
+            constant=True,
         ),
         "agrapa": Method(
             _by_side(lambda side, question: PlugIn(side, Learned())),
@@ -104,6 +111,7 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         "hoeffding": Method(
             _by_side(_gaussian),
             "valid at every look for any law in the range; for comparison: blind to a small variance, slower by 10 times",
+            constant=True,
         ),
         "empirical-bernstein": Method(
             _by_side(lambda side, question: PlugIn(side, EmpiricalBernstein(question.level))),

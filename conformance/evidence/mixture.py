@@ -44,7 +44,7 @@ class Mixture:
         return self.side.sign
 
     def update(self, batch: Batch) -> Mixture:
-        tally = batch.few if self.side.concave else batch
+        tally = batch.against(self.side.sign).few if self.side.concave else batch
         won = np.vecdot(self.side.log_factors(self.bets.fractions, tally.values), tally.counts)
         return self._with(self.log_wealths + won)
 
@@ -73,7 +73,8 @@ def edge_of(outcomes: Outcomes, side_at: Callable[[float], Side], bets: Bets, le
     def beyond(part: float) -> float:
         """At least 0 where the edge, this part of the way from the limit to the mean, is rejected."""
         side = side_at(limit + part * (mean - limit))
-        wealths = np.vecdot(side.log_factors(bets.fractions, outcomes.tally.values), outcomes.tally.counts)
+        tally = outcomes.against(side.sign)
+        wealths = np.vecdot(side.log_factors(bets.fractions, tally.values), tally.counts)
         return math.sqrt(max(0.0, float(np.logaddexp.reduce(bets.log_weights + wealths)))) - asked
 
     out, near, far, close = 0.0, 1.0, math.inf, -asked

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from truemean.errors import InputError
 
-__all__ = ["NOTHING", "Batch", "FloatArray", "Moments", "Outcomes"]
+__all__ = ["NOTHING", "Batch", "FloatArray", "Moments", "Outcomes", "Sums"]
 
 FloatArray = NDArray[np.float64]
 FEW = 256  # distinct values of a batch; beyond, outcomes are shared between the points of a grid
@@ -42,6 +42,10 @@ class Batch:
         counts = ends + 1.0
         counts[1:] -= counts[:-1].copy()
         return cls(ascending[ends], counts)
+
+    def against(self, sign: int) -> Batch:
+        """What constant bets against a side of this sign are settled by: the outcomes themselves, where they are known."""
+        return self
 
     @cached_property
     def few(self) -> Batch:
@@ -84,6 +88,48 @@ class Batch:
         return Moments(total, mean, float(((values - mean) ** 2 * counts).sum()), inside)
 
 
+@dataclass(frozen=True)
+class Sums(Batch):
+    """One look at outcomes in [0, 1] of which only sums are known, group by group: ``numbers``, means and mean squares.
+
+    No single outcome is known, so to whoever asks for `values` it says nothing. What a bounded bet wins has a positive
+    third derivative in the outcome, so that of all outcomes of a group's mean and mean square those at 0 and at a single
+    point win it least (the lower principal representation, Karlin & Studden 1966). A larger mean square
+    makes them win less, so it may be a bound from above; ``slack`` is by how much it may be too small.
+
+    >>> coins = Sums(numbers=np.array([50.0]), means=np.array([0.8]), mean_squares=np.array([0.8]))
+    >>> coins.against(1).values, coins.against(1).counts
+    (array([0., 1.]), array([10., 40.]))
+    """
+
+    values: FloatArray = field(init=False, repr=False, default_factory=lambda: np.empty(0))
+    counts: FloatArray = field(init=False, repr=False, default_factory=lambda: np.empty(0))
+    numbers: FloatArray
+    means: FloatArray
+    mean_squares: FloatArray
+    slack: FloatArray | float = 0.0
+
+    def against(self, sign: int) -> Batch:
+        """The outcomes of these sums that win the bets against a side of this sign least."""
+        mean = self.means if sign > 0 else 1 - self.means
+        square = self.mean_squares if sign > 0 else 1 - 2 * self.means + self.mean_squares
+        square = np.clip(square + self.slack, mean**2, mean)
+        far = square > 0
+        share = np.divide(mean**2, square, where=far, out=np.zeros_like(mean))
+        top = np.divide(square, mean, where=far, out=np.zeros_like(mean))
+        y, counts = np.append(top, 0.0), np.append(self.numbers * share, (self.numbers * (1 - share)).sum())
+        kept = counts > 0
+        return Batch(np.empty(0), np.empty(0)).joined(Batch((y if sign > 0 else 1 - y)[kept], counts[kept]))
+
+    @cached_property
+    def moments(self) -> Moments:
+        """Number, mean and sum of squares, as they are; how many outcomes lay inside is not known, and said to be 0."""
+        total = float(self.numbers.sum())
+        mean = float(self.numbers @ self.means) / total
+        squares = self.mean_squares - self.means**2 + (self.means - mean) ** 2
+        return Moments(total, mean, max(0.0, float(self.numbers @ squares)))
+
+
 @dataclass(frozen=True, slots=True)
 class Moments:
     """How many outcomes there were, their mean, the sum of squares about it, and how many lay inside (0, 1)."""
@@ -112,25 +158,44 @@ NOTHING = Moments()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcomes:
-    """All outcomes so far, in whatever order: their tally, of at most ``limit`` values, and their own moments."""
+    """All outcomes so far, in whatever order: their tally, of at most ``limit`` values, and their own moments.
+
+    ``below`` is the tally against a side of sign -1, where it is another than that against one of sign 1.
+    """
 
     tally: Batch = field(default_factory=lambda: Batch(np.empty(0), np.empty(0)))
     moments: Moments = field(default_factory=Moments)
     limit: int | None = ALL_FEW
+    below: Batch | None = None
 
     def update(self, batch: Batch) -> Outcomes:
         """The outcomes with one more batch."""
-        return self._with(self.tally.joined(batch if self.limit is None else batch.few), batch.moments)
+        above, below = (batch.against(sign) if self.limit is None else batch.against(sign).few for sign in (1, -1))
+        return self._with(above, None if below is above else below, batch.moments)
 
     def merge(self, later: Outcomes) -> Outcomes:
         """The outcomes of both."""
-        return self._with(self.tally.joined(later.tally), later.moments)
+        return self._with(later.tally, later.below, later.moments)
 
-    def _with(self, tally: Batch, more: Moments) -> Outcomes:
-        kept = tally if self.limit is None else tally.shortened(self.limit)
-        return replace(self, tally=kept, moments=self.moments.joined(more))
+    def _with(self, above: Batch, below: Batch | None, more: Moments) -> Outcomes:
+        one = below is None and self.below is None
+        low = None if one else self._joined(self.against(-1), above if below is None else below)
+        return replace(self, tally=self._joined(self.tally, above), below=low, moments=self.moments.joined(more))
+
+    def _joined(self, tally: Batch, more: Batch) -> Batch:
+        both = tally.joined(more)
+        return both if self.limit is None else both.shortened(self.limit)
+
+    def against(self, sign: int) -> Batch:
+        """The tally that constant bets against a side of this sign are settled by."""
+        return self.tally if sign > 0 or self.below is None else self.below
 
     @property
     def law(self) -> tuple[FloatArray, FloatArray]:
         """Values, and how often each came: the measured law."""
-        return self.tally.values, self.tally.counts / max(1.0, self.moments.total)
+        return self.law_against(1)
+
+    def law_against(self, sign: int) -> tuple[FloatArray, FloatArray]:
+        """The measured law, by the tally against a side of this sign."""
+        tally = self.against(sign)
+        return tally.values, tally.counts / max(1.0, self.moments.total)

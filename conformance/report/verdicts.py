@@ -206,7 +206,8 @@ def judged_parts(name: str, report: Report, ident: str) -> list[str | Table | Ch
 
 def _sight(report: Report) -> str:
     right, known = predicted_right(report)
-    plan = f" The line is what the oracle predicts for {declared_plan(report)}; " if known else ""
+    line = f"line is what the oracle predicts for {declared_plan(report)}" if report.arguments["declares"] else ""
+    plan = f" The {line or 'rings are what the oracle predicts for each pixel'}; " if known else ""
     holds = f"{right} of {counted(known, 'interval')} hold the prediction for their pixel." if known else ""
     by_verdict = Counter(case.verdict for case in report.cases)
     return (

@@ -214,7 +214,8 @@ def report(
         from truemean.conformance.report import build
 
         entries, skipped = chosen(renderers)
-        pages = judged(entries, seed, jobs or os.cpu_count() or 1, show)
+        pages, failed = judged(entries, seed, jobs or os.cpu_count() or 1, show)
+        skipped |= failed
         summary = build(
             directory,
             {name: (text, load(text)) for name, text in CODE.items()},

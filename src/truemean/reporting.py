@@ -10,7 +10,7 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from truemean.errors import MissingExtra, UnknownName
+from truemean.errors import MissingExtra, TruemeanError, UnknownName
 
 if TYPE_CHECKING:
     from truemean.conformance import Report
@@ -72,7 +72,7 @@ RENDERERS: Mapping[str, tuple[int, Mapping[str, str]]] = MappingProxyType(
             },
         ),
         "vegas": (
-            2_000,
+            3_000,
             {
                 "vegas, 5 times 20 points": "vegas?nitn=5&neval=20",
                 "vegas, 5 times 100 points, plain mean": "vegas?nitn=5&neval=100&weighted=0",
@@ -149,19 +149,25 @@ class Bench:
         return replace(report, notes=(*report.notes, *(broken or [kept])))
 
 
-def judged(entries: list[Entry], seed: int, jobs: int, tell: Callable[[str], None]) -> dict[str, dict[str, Report]]:
-    """The judgements by page and name, ``jobs`` at a time, each in a process of its own.
+def judged(
+    entries: list[Entry], seed: int, jobs: int, tell: Callable[[str], None]
+) -> tuple[dict[str, dict[str, Report]], dict[str, str]]:
+    """The judgements by page and name, and what could not be judged, and why; ``jobs`` at a time, in processes of their own.
 
     An interrupt ends them all; those that are done are kept.
     """
     found: dict[str, Report] = {}
+    failed: dict[str, str] = {}
     with _benches(jobs) as benches, ThreadPoolExecutor(max(1, jobs)) as pool:
         waiting = {pool.submit(_one, benches, entry, seed): entry for entry in entries}
         try:
             for number, done in enumerate(as_completed(waiting), 1):
                 entry = waiting[done]
-                found[entry.name] = done.result()
-                tell(f"{number} of {len(entries)} judged: {entry.name} {found[entry.name].verdict}")
+                try:
+                    found[entry.name] = done.result()
+                except TruemeanError as error:
+                    failed[entry.name] = str(error)
+                tell(f"{number} of {len(entries)} judged, the last one {entry.name}")
         except KeyboardInterrupt:
             for future in waiting:
                 future.cancel()
@@ -171,7 +177,7 @@ def judged(entries: list[Entry], seed: int, jobs: int, tell: Callable[[str], Non
     for entry in entries:
         if entry.name in found:
             pages.setdefault(entry.page, {})[entry.name] = found[entry.name]
-    return pages
+    return pages, failed
 
 
 def _one(benches: list[Any], entry: Entry, seed: int) -> Report:

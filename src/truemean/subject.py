@@ -51,7 +51,7 @@ class Estimator(Protocol):
     TooManyPaths where that is too much; ``notes``, sentences for the report; ``pixels()``
     a mapping of the pixels it brings; ``run_many(pixels, seeds) -> [seeds, pixels(, channels)]``
     for one render of many pixels; ``sums(pixels, seeds) -> (counts, means, mean_squares)``, each of that shape, where a seed
-    stands for many replicates of its own whose single values are gone (a bound from above is a mean square too), `run`
+    stands for many replicates of its own whose single values are gone (for a mean square a bound from above will do), `run`
     then giving their means; ``versions`` a mapping for the report.
     Raising `truemean.errors.Unsupported` skips a pixel.
     """

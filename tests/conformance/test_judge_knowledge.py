@@ -93,7 +93,7 @@ def test_a_mean_alone_may_be_declared():
     right = only(judge(with_prediction(fixed, mean="1/8"), pixels=EIGHTH, tolerance="2%"))
     wrong = only(judge(with_prediction(fixed, mean="1/4"), pixels=EIGHTH, tolerance="2%"))
     assert (right.plan_check, wrong.plan_check) == (PlanCheck.FOLLOWS, PlanCheck.DEVIATES)
-    assert "biased or noisier than declared" in wrong.reason
+    assert "the estimates have another mean than declared" in wrong.reason
     assert right.declared_std is None
 
 

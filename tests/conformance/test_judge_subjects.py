@@ -109,7 +109,7 @@ def test_declining_halfway_is_breaking():
         fresh.pop()
         return fixed(pixel, seeds)
 
-    fresh = [1] * 4  # three calls to check the seeds, and the first look
+    fresh = [1] * 5  # four calls to check the seeds, and the first look
     report = judge(tired, pixels=EIGHTH, tolerance="1%")
     assert only(report).reason == "declined after 16 replicates: enough"
     assert (report.verdict, report.skipped) == (Verdict.BROKEN, {})
@@ -168,7 +168,7 @@ class Failing:
         self.left -= 1
         if self.left < 0:
             raise LookupError("no such thing")
-        return lambda *arguments: np.zeros(1)
+        return lambda *arguments: np.zeros(np.size(arguments[-1]))
 
 
 @pytest.mark.parametrize("name", ["pixels", "declares", "versions", "seed_bits", "name", "run_many"])
@@ -193,6 +193,6 @@ def test_a_crash_on_a_pixel_is_its_verdict(name):
 
 
 def test_the_evidence_before_costs_crash_is_kept():
-    case = only(judge(Failing("costs", after=6), pixels=EIGHTH, tolerance="1%"))
-    # Three calls to check the seeds, then looks at 16, 17 and 18.
+    case = only(judge(Failing("costs", after=7), pixels=EIGHTH, tolerance="1%"))
+    # Four calls to check the seeds, then looks at 16, 17 and 18.
     assert (case.verdict, case.replicates) == (Verdict.BROKEN, 18)

@@ -68,6 +68,13 @@ def test_costs_are_summed_over_the_replicates():
     assert run(many, [None], None, SEEDS)[1] == [10.0]
 
 
+@pytest.mark.parametrize("costs", [8, [8, 8], [1, 2, 3, -1], [1, 2, 3, np.nan], [[1]] * 4, ["a"] * 4])
+def test_costs_are_a_number_from_0_up_for_each_seed(costs):
+    with pytest.raises(SubjectError, match=r"costs\(pixel, seeds\) (gave|crashed with)"):
+        run(subject(np.zeros(4), costs=lambda pixel, seeds: costs), [None], None, SEEDS)
+    assert run(subject(np.zeros(4), costs=lambda pixel, seeds: None), [None], None, SEEDS)[1] is None
+
+
 def test_many_pixels_at_once():
     many = SimpleNamespace(
         run_many=lambda pixels, seeds: np.add.outer(np.arange(seeds.size), 10 * np.arange(len(pixels)))
