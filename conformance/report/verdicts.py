@@ -79,7 +79,7 @@ def _look(progress: Progress, text: str, before: int, budget: int, pixel: str, d
 def headline(reports: Mapping[str, Report], tolerance: str, pages: Pages | None = None) -> str:
     """The verdicts in one sentence, those of each page in a clause."""
     said = [f"{name} {_outcome(report)}" for name, report in reports.items()]
-    said += [f"{page} is {_worst(found)}" for page, found in (pages or {}).items()]
+    said += [f"{page} {_worst(found)}" for page, found in (pages or {}).items()]
     if not said:
         return "No implementation was judged; the plans are compared below."
     every = [*reports.values(), *(report for found in (pages or {}).values() for report in found.values())]
@@ -91,7 +91,8 @@ def headline(reports: Mapping[str, Report], tolerance: str, pages: Pages | None 
 def _worst(found: Mapping[str, Report]) -> str:
     counts = Counter(report.verdict for report in found.values())
     verdicts = listed([f"{verdict} in {counts[verdict]}" for verdict in Verdict if counts[verdict]])
-    return f"{verdicts} of {counted(len(found), 'configuration')}"
+    verb = "" if list(counts) == [Verdict.CONFORMS] else "is "
+    return f"{verb}{verdicts} of {counted(len(found), 'configuration')}"
 
 
 def _percent(tolerance: str) -> str:

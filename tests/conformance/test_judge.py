@@ -14,7 +14,9 @@ from truemean.errors import InputError, InputTypeError, PlanError, TruemeanError
 from truemean.oracle.pixel import Pixel
 from truemean.oracle.plans import find_plan
 
-SEED_CHECK = 4  # calls before the run: the first seeds twice, another batch between, and once more to see that estimates vary
+SEED_CHECK = (
+    4  # calls before the run: the first seeds twice, another batch between, and once more to see that estimates vary
+)
 
 # -- verdicts -------------------------------------------------------------------------------------
 
