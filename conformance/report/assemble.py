@@ -100,9 +100,8 @@ def build(
     }
     # The pages.
     made = f"Made on {datetime.now(UTC):%Y-%m-%d}."
-    document = Document(
-        "truemean: the reference report", data["headline"], tuple(data["verdicts"].items()), tuple(sections), made
-    )
+    chips = tuple((name, str(report.verdict)) for name, report in reports.items())
+    document = Document("truemean: the reference report", data["headline"], chips, tuple(sections), made)
     _write(Path(out), document, data)
     for page, found in (pages or {}).items():
         _write_page(Path(out), page, found, data, (about or {}).get(page, ""))

@@ -77,22 +77,19 @@ def _look(progress: Progress, text: str, before: int, budget: int, pixel: str, d
 
 
 def headline(reports: Mapping[str, Report], tolerance: str, pages: Pages | None = None) -> str:
-    """The verdicts in one sentence, those of each page in a clause."""
+    """The verdicts in one sentence, those of other pages in a clause."""
     said = [f"{name} {_outcome(report)}" for name, report in reports.items()]
-    said += [f"{page} {_worst(found)}" for page, found in (pages or {}).items()]
+    others = [report for found in (pages or {}).values() for report in found.values()]
+    if others and pages:
+        counts = Counter(report.verdict for report in others)
+        verdicts = listed([f"{counts[verdict]} {verdict}" for verdict in Verdict if counts[verdict]])
+        said.append(f"of {counted(len(others), 'configuration')} of {listed(list(pages))}, {verdicts}")
     if not said:
         return "No implementation was judged; the plans are compared below."
-    every = [*reports.values(), *(report for found in (pages or {}).values() for report in found.values())]
+    every = [*reports.values(), *others]
     right, known = (sum(each) for each in zip(*map(predicted_right, every), strict=True))
     oracle = f"; the oracle’s prediction lies in {right} of {counted(known, 'measured interval')}" if known else ""
     return f"At a tolerance of {_percent(tolerance)}, {'; '.join(said)}{oracle}."
-
-
-def _worst(found: Mapping[str, Report]) -> str:
-    counts = Counter(report.verdict for report in found.values())
-    verdicts = listed([f"{verdict} in {counts[verdict]}" for verdict in Verdict if counts[verdict]])
-    verb = "" if list(counts) == [Verdict.CONFORMS] else "is "
-    return f"{verb}{verdicts} of {counted(len(found), 'configuration')}"
 
 
 def _percent(tolerance: str) -> str:

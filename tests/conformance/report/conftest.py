@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from truemean.conformance.report import build
+from truemean.conformance.report import build, judge_one
 from truemean.errors import Unsupported
 
 HOSTILE = "<script>alert('1|2')</script> & *stars*"
@@ -69,6 +69,8 @@ def built(tmp_path_factory):
         seed=3,
         skipped={"a renderer": "not installed: pip install 'truemean[renderer]'"},
         progress=lambda text, fraction: told.append((text, fraction)),
+        pages={"engine": {HOSTILE + "2": judge_one("own:engine", Honest(), "5%", 3, 2000)}},
+        about={"engine": "How ``it`` decides.\n\nWhat <b>was</b> found."},
     )
     html, markdown, data = ((folder / f"report.{suffix}").read_text("utf-8") for suffix in ("html", "md", "json"))
     return Built(folder, html, markdown, json.loads(data), returned, told)
