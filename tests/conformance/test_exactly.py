@@ -358,3 +358,14 @@ def test_the_report_as_a_page(declared):
     row = next(line for line in markdown.splitlines() if line.startswith("| eighth"))
     assert ("FOLLOWS" in row) == declared
     assert "BIASED" in row
+
+
+def test_code_that_asks_is_not_taken_for_one_that_ignores_its_seed():
+    levels = {"greys": Pixel({Fraction(i, 99): Fraction(1, 100) for i in range(100)})}
+
+    def fig_1(draw):
+        samples = [draw() for _ in range(4)]
+        return samples[0] if len(set(samples)) == 1 else 0.5
+
+    report = judge(asking(fig_1, paths=1000), tolerance="5%", pixels=levels, budget=2000)
+    assert (report.verdict, report.cases[0].exact_bias) == (Verdict.CONFORMS, None)
