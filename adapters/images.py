@@ -42,7 +42,7 @@ from truemean.adapters.image_files import (
 from truemean.adapters.image_tiles import Box, Law, average_law, boxes, read_frames, read_tile, tile_means, told_of_sums
 from truemean.adapters.registry import LOAD_SCENE, resolve
 from truemean.errors import InputError, SubjectError, Unsupported
-from truemean.subject import PixelLike, Value
+from truemean.subject import PixelLike, PlainPixel, Value
 
 __all__ = ["Images", "TilePixel"]
 
@@ -51,16 +51,10 @@ SINGLE, HALF = 1e-6, 2.0**-11
 
 
 @dataclass(frozen=True, slots=True)
-class TilePixel:
+class TilePixel(PlainPixel):
     """What a tile shows: the average law of its pixels, as values with exact weights; and which tile it is."""
 
-    values: tuple[Value, ...]
-    weights: tuple[Fraction, ...]
     number: int = -1
-
-    def arrays(self) -> tuple[Floats, Floats]:
-        """``(values [k] or [k, channels], weights [k])`` in float64."""
-        return np.array(self.values, dtype=float), np.array(self.weights, dtype=float)
 
 
 class Images:
